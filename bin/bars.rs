@@ -14,12 +14,12 @@ fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
-/// Time that the stages after one take, as a part of its own: of a head of 512^3 samples.
+/// Time of the stages after one, relative to its own: measured on a head of 512^3 samples.
 const AFTER: [(&str, f64); 3] = [("histogram", 2.0), ("scan", 0.15), ("export", 0.2)];
-/// Before that nothing is said.
+/// Elapsed time before an estimate is shown.
 const LEAST: Duration = Duration::from_secs(1);
 
-/// Says how long the job still takes.
+/// Estimate of the remaining time of a job.
 #[derive(Clone, Copy)]
 struct Pace {
     is_picture: bool,
@@ -35,7 +35,7 @@ impl Pace {
     /// Seconds to the end of the job; `None` before there is a pace. `part` of the stage is done.
     fn left_s(self, part: f64, elapsed: Duration) -> Option<f64> {
         let part = part.clamp(0.0, 1.0);
-        // Rows of a picture are those of a disc: the first and the last show little.
+        // Rows of a picture usually show a disc: the first and the last hold little work.
         let beyond = 1.0 - 2.0 * part;
         let disc = (beyond.acos() - 2.0 * beyond * (part * (1.0 - part)).sqrt()) / std::f64::consts::PI;
         let part = if self.is_picture { disc } else { part };
@@ -100,12 +100,12 @@ pub(crate) struct BatchBars {
     whole: ProgressBar,
     jobs: Vec<JobBar>,
     lines: bool,
-    /// Lines name files, which is said once, before the first of them.
+    /// The notice that lines name files is printed once, before the first of them.
     notice: Once,
     boxes: &'static str,
 }
 
-/// The stages of one job after the other.
+/// Bar of one job, through its stages.
 struct JobBar {
     bar: ProgressBar,
     name: Mutex<String>,
@@ -124,7 +124,7 @@ impl Progress for JobBar {
 }
 
 impl BatchBars {
-    /// Bars of jobs; `boxes` is what their models have on the finest level.
+    /// Bars of jobs; `boxes` names the finest boxes of their models.
     pub(crate) fn new(jobs: usize, silent: bool, boxes: &'static str) -> Self {
         let bars = (!silent && std::io::stderr().is_terminal()).then(MultiProgress::new);
         let placed = |bar: ProgressBar| match &bars {
@@ -151,7 +151,7 @@ impl BatchBars {
     fn print(&self, line: &str) {
         let line = shown(line).to_string();
         match &self.bars {
-            // A closed terminal reads nothing.
+            // On a closed terminal the line is lost.
             Some(bars) => drop(bars.println(line)),
             None => drop(writeln!(std::io::stderr(), "{line}")),
         }
@@ -214,9 +214,9 @@ mod tests {
     fn the_time_left_has_the_stages_that_follow_and_rows_of_a_picture_weigh_as_those_of_a_disc() {
         let left = |stage: &str, part: f64, s: u64| Pace::new(stage).left_s(part, Duration::from_secs(s));
         assert_eq!(left("sight", 0.25, 2), Some(6.0));
-        // A scan of 8 seconds, and what follows it.
+        // Remainder of a scan of 8 seconds, and the stages after it.
         assert!((left("scan", 0.25, 2).unwrap() - 7.2).abs() < 1e-9);
-        // Of a disc a quarter of the rows is a fifth of the area.
+        // A quarter of a disc's rows holds a fifth of its area.
         assert!((left("render", 0.5, 2).unwrap() - 2.0).abs() < 1e-9);
         assert!((left("render", 0.25, 2).unwrap() - 2.0 * 0.804_5 / 0.195_5).abs() < 0.01);
         assert_eq!(

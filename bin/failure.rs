@@ -1,4 +1,4 @@
-//! Why the command ends without success, and how that is reported: one sentence on stderr, and under `--json` one
+//! Reasons for the command to end without success, and their report: one sentence on stderr, and under `--json` one
 //! object on stdout as well.
 
 use std::fmt;
@@ -10,7 +10,7 @@ use infobyte::export::ExportForm;
 use infobyte::text::{self, shown};
 use infobyte::{Error, ErrorReport, ExitKind};
 
-/// Why the command ends without success.
+/// Reason for the command to end without success.
 pub(crate) enum Failure {
     /// Its arguments do not belong together.
     Arguments(Refusal),
@@ -18,61 +18,61 @@ pub(crate) enum Failure {
     Job(Error),
 }
 
-/// Arguments that cannot be met, however good the files are.
+/// Refusal of the arguments, whatever the files contain.
 pub(crate) enum Refusal {
     SkipAlone,
     NoDims,
     NoType,
-    /// This flag says something about a volume, and the input is a mesh.
+    /// A flag for volumes, and the input is a mesh.
     ForVolumes(&'static str),
-    /// This flag says nothing about a tree of solids.
+    /// A flag that does not apply to a tree of solids.
     ForOthers(&'static str),
     /// A tree of solids among other inputs.
     SeveralTrees,
-    /// This flag says something about a mesh or a tree, and the input is a volume.
+    /// A flag for meshes or trees, and the input is a volume.
     ForMeshes(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// Words of a plan that its file of JSON cannot hold.
     NotText,
-    /// A name that does not say what a model is to be exported as.
+    /// A name that does not tell the form of an export.
     NoForm {
         path: PathBuf,
     },
-    /// A name that stands for another form than the one that was chosen.
+    /// A name that belongs to another form than the one that was chosen.
     OtherForm {
         path: PathBuf,
         form: ExportForm,
     },
-    /// An option that what is written does not have.
+    /// An option that the output does not support.
     NotOf {
         flag: &'static str,
         of: &'static str,
     },
-    /// An option that changes nothing without another one.
+    /// An option that has no effect without another one.
     Without {
         flag: &'static str,
         with: &'static str,
     },
-    /// A name that says the file is of another kind than what is written.
+    /// A suffix of another kind of file than the output's.
     Suffix {
         path: PathBuf,
         written: Written,
     },
 }
 
-/// What `-` was given for in vain.
+/// Uses of `-` that are refused.
 #[derive(Clone, Copy)]
 pub(crate) enum Dash {
-    /// A volume that states its own size.
+    /// Input of a volume that states its own size.
     Volume,
-    /// One file of several.
+    /// One of several input files.
     AmongFiles,
-    /// A place to be searched.
+    /// A path to be searched.
     Search,
-    /// A model that is built.
+    /// Output of a build.
     Model,
-    /// Folder or file of something else.
+    /// A folder, or another file.
     Folder,
     /// A second picture.
     Layer,
@@ -82,7 +82,7 @@ pub(crate) enum Dash {
     Terminal,
 }
 
-/// What a command writes.
+/// Kind of the output.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Written {
     Model,
@@ -205,7 +205,7 @@ impl fmt::Display for Refusal {
 }
 
 impl Failure {
-    /// Whose turn it is.
+    /// Kind of the exit code.
     pub(crate) fn kind(&self) -> ExitKind {
         match self {
             Self::Arguments(_) => ExitKind::Usage,
@@ -214,7 +214,7 @@ impl Failure {
     }
 }
 
-/// Tells a failure on stderr, and as an object on stdout if that was asked for. There may be no listener.
+/// Reports a failure on stderr, and as an object on stdout if that was asked for. There may be no listener.
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     let sentence = one_line(sentence);
     if as_json {
@@ -224,7 +224,7 @@ pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     ExitCode::from(kind.code())
 }
 
-/// Errors are one sentence on one line, whatever a file's name contains.
+/// The text on one line, whatever a file's name contains.
 pub(crate) fn one_line(text: &str) -> String {
     shown(text).to_string()
 }

@@ -7,7 +7,7 @@ use crate::args::Cli;
 /// Columns of a page.
 const COLUMNS: usize = 100;
 
-/// Pages by name, and what they are about.
+/// Pages by name, with their subjects.
 const PAGES: [(&str, &str, &str); 7] = [
     ("commands", "all commands, exit codes, streams", include_str!("../src/jobs/COMMANDS.md")),
     ("formats", "what is read: volumes and series", include_str!("../src/source/READING.md")),
@@ -38,7 +38,7 @@ const GROUPS: [(&str, &str); 5] = [
 /// Ends of the clause of an option's text that `-h` shows.
 const CLAUSE_ENDS: [&str; 5] = ["; ", ": ", ". ", ", such as", ", by default"];
 
-/// Words that other programs have for what is here a command or an option.
+/// Words of other programs for commands and options of this one.
 const SYNONYMS: [(&str, &str); 10] = [
     ("info", "measure stats metadata show header"),
     ("build", "convert import voxelize create"),
@@ -94,7 +94,7 @@ fn of_command(arg: Arg, command: &str, short: Option<&str>, is_short: bool) -> A
     }
 }
 
-/// The page that the words of the command line ask for.
+/// The page that the words of the command line select.
 pub(crate) fn page(words: &[&str]) -> Option<String> {
     let &["help", name] = words else { return None };
     let (.., text) = PAGES.iter().find(|(page, ..)| *page == name)?;
@@ -122,8 +122,8 @@ fn shown(page: &str) -> String {
     out + &table(&rows)
 }
 
-/// The rows of a table, their cells separated by `|`, in columns; of more than [`COLUMNS`] characters the widest column is
-/// broken into lines, or else the next.
+/// The rows of a table, their cells separated by `|`, in columns. If it is wider than [`COLUMNS`] characters, the
+/// widest column is broken into lines, or else the next.
 fn table(rows: &[String]) -> String {
     let is_rule = |row: &&String| row.chars().all(|c| matches!(c, '-' | '|' | ' ' | ':'));
     let rows: Vec<Vec<&str>> =
@@ -190,7 +190,7 @@ fn unlinked(line: &str) -> String {
 mod tests {
     use super::*;
 
-    /// A screen has 24 lines; every option that is named here exists, and pages keep to their width.
+    /// A screen has 24 lines; every option in these tables exists, and pages keep to their width.
     #[test]
     fn short_help_fits_a_screen_and_pages_a_terminal() {
         for sub in command(true).get_subcommands_mut() {

@@ -1,4 +1,4 @@
-//! `oct completions` and `oct man`: what shells and `man` want to know of the command line, made from its types.
+//! `oct completions` and `oct man`: completions and manual pages, made from the types of the command line.
 
 use std::fs;
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ use infobyte::text::shown;
 use crate::args::Cli;
 use crate::streams::write_to_stdout;
 
-/// The values of an option that has few, where the command line parses them by a rule of its own.
+/// The values of an option with few of them, where the command line parses it by a rule of its own.
 fn values(option: &str) -> Option<Vec<&'static str>> {
     Some(match option {
         "surface" => vec!["skin", "cells"],
@@ -37,7 +37,7 @@ fn values(option: &str) -> Option<Vec<&'static str>> {
     })
 }
 
-/// A command with what completions offer beyond what it parses: words of few, and folders where one is meant.
+/// A command with additional completions: words of few, and folders where one is meant.
 fn completed(command: Command) -> Command {
     let offered = |arg: Arg| {
         let is_folder = arg.get_value_names().is_some_and(|names| names.iter().any(|name| name == "DIR"));
@@ -54,7 +54,7 @@ fn completed(command: Command) -> Command {
 
 /// Prints the completions of a shell.
 pub(crate) fn completions(shell: Shell) -> Result<ExitCode, Error> {
-    // Written to memory first: the generator does not bear a reader that goes away.
+    // Written to memory first: the generator panics if the reader has gone away.
     let mut script = Vec::new();
     generate(shell, &mut completed(Cli::command()), "oct", &mut script);
     write_to_stdout(&script)
@@ -77,7 +77,7 @@ pub(crate) fn pages(folder: &Path) -> Result<ExitCode, Error> {
         let mut page = Vec::new();
         Man::new(command).render(&mut page).map_err(failed(&path))?;
         fs::write(&path, page).map_err(failed(&path))?;
-        // A reader that has gone away misses a name.
+        // If the reader has gone away, the name is lost.
         let _ = writeln!(stdout, "{}", shown(&path));
     }
     Ok(ExitCode::SUCCESS)

@@ -1,5 +1,5 @@
 //! The `oct` command: arguments in, one call into the library, an exit code out.
-// What goes wrong ends in a sentence.
+// Failures end in a sentence.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod args;
@@ -56,7 +56,7 @@ use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_das
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
-    // Linking at start leaves code behind that is not called again, in addition to what reading the arguments needs.
+    // Linking at start leaves code behind that is not needed any more, beyond the code that reads the arguments.
     jobs::give_back();
     platform::report_size_limits();
     text::spell(cure::spelled);
@@ -78,7 +78,7 @@ fn main() -> ExitCode {
 fn refuse(e: &clap::Error) -> ExitCode {
     let is_missing = e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
     if is_missing || !e.use_stderr() {
-        // Jobs read their arguments without what help needs.
+        // Jobs read their arguments without the code for help.
         let is_short = std::env::args_os().any(|word| word == "-h");
         let shaped =
             help::command(is_short).try_get_matches().err().filter(|shaped| shaped.kind() == e.kind());
@@ -106,11 +106,11 @@ fn refuse(e: &clap::Error) -> ExitCode {
     tell(&sentence, ExitKind::Usage, as_json)
 }
 
-/// The likely meaning of a command or an option that is not known: a word for the same thing, or the most similar.
+/// The likely meaning of an unknown command or option: a word for the same thing, or the most similar one.
 fn meant(e: &clap::Error) -> Option<&str> {
     let guess = |kind| match e.get(kind)? {
         ContextValue::String(word) => Some(word.as_str()),
-        // The most similar comes last.
+        // clap lists the most similar one last.
         ContextValue::Strings(words) => words.last().map(String::as_str),
         _ => None,
     };
@@ -119,7 +119,7 @@ fn meant(e: &clap::Error) -> Option<&str> {
     synonym.or_else(|| guess(ContextKind::SuggestedSubcommand)).or_else(|| guess(ContextKind::SuggestedArg))
 }
 
-/// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
+/// The first paragraph of clap's output, which describes the error; usage and hints follow after an empty line.
 fn first_paragraph(printed: &str) -> String {
     let plain = printed.strip_prefix("error: ").unwrap_or(printed);
     let lines: Vec<&str> = plain.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
@@ -186,7 +186,7 @@ fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failur
     refuse_dash([args.output()], Dash::Model)?;
     refuse_dash(each, Dash::Folder)?;
     check_suffixes([args.output()], Written::Model, args.force)?;
-    // The arguments have been read: what that took is given back before the rest.
+    // Memory of reading the arguments is given back before the job.
     jobs::give_back();
     let build = Build::of(args)?;
     let bars = Bars::new(args.quiet || args.json);
@@ -204,7 +204,7 @@ fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failur
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
-/// What is asked of a build, in the library's terms.
+/// Inputs and options of a build, in the library's terms.
 struct Build {
     kind: SubjectKind,
     inputs: Vec<PathBuf>,
@@ -212,7 +212,7 @@ struct Build {
     clean: CleanOptions,
     grid: GridOptions,
     options: BuildOptions,
-    /// Keeps what came on standard input.
+    /// Keeps the file of standard input.
     _held: Option<Input>,
 }
 
@@ -285,7 +285,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
-    // Thumbnails are made of models that lie there.
+    // Thumbnails are made from models in that folder.
     platform::tell_of(&args.out, args.json);
     let is_cells = request.build.volume_surface() == SurfaceKind::Cells;
     let boxes = if is_cells { "cells" } else { "skin voxels" };
@@ -346,7 +346,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     });
     let report = match report {
         Err(e) if args.json && !first => {
-            // The object that was begun is ended with what stopped it.
+            // The object on stdout is closed with the error.
             let sentence = one_line(&e.to_string());
             let rest = text::json(&ErrorReport::new(&sentence, e.kind()));
             let _ = writeln!(io::stdout(), "\n],{}", rest.strip_prefix('{').unwrap_or(&rest));
@@ -380,10 +380,10 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     Ok(put(&if args.json { json() } else { text() })?)
 }
 
-/// Why files are left out of which nothing is known.
+/// Reason for files that are left out without a known one.
 const NOT_VOLUME: &str = "not a volume";
 
-/// The description of a headerless volume, if any of it was given.
+/// The description of a headerless volume, if a part of it was given.
 fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
     match (raw.dims, raw.dtype) {
         (Some(dims), Some((scalar, endian))) => Ok(Some(RawOptions {
@@ -412,7 +412,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     }
     let request = export_request(args, form)?;
     if form == ExportForm::Linked {
-        // The page is to fetch it by its name.
+        // The page fetches the model by its name.
         refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
     }
     let output = Output::of(named, Written::Export, args.force, args.json)?;
@@ -427,7 +427,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     output.finish(|| print(args.json, || &report, text))
 }
 
-/// A file for each label.
+/// Writes a file for each label.
 fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let folder = args.each.clone().unwrap_or_default();
     let request = export_request(args, args.form.unwrap_or(ExportForm::Stl))?;
@@ -446,7 +446,7 @@ fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     Ok(print(args.json, || &report, text)?)
 }
 
-/// Forms that options of surfaces are for.
+/// Forms that have surfaces.
 const TRIANGLES: &str = "triangles (stl, ply, obj, glb, 3mf)";
 
 fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportRequest, Refusal> {
@@ -498,7 +498,7 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     Ok(if is_too_near { ExitCode::from(Verdict::DoesNotConform.code()) } else { shown })
 }
 
-/// Checks of a measurement before it begins, and its bars.
+/// Checks the arguments of a measurement, and makes its bars.
 fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<Bars, Failure> {
     refuse_dash(inputs.iter().copied(), Dash::AmongFiles)?;
     refuse_dash(run.output.as_deref(), Dash::Model)?;
@@ -614,7 +614,7 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
 fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.model.as_deref(), Dash::Search)?;
     refuse_dash([args.out.as_path()], Dash::Folder)?;
-    // As a shell would take it again.
+    // Quoted for a shell.
     let quoted = |word: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
         if word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }

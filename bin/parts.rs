@@ -18,7 +18,7 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.output()], Dash::Folder)?;
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     let build = Build::of(args)?;
-    // The words of this command line are those of the parts.
+    // This command line's own words, for the parts to repeat.
     let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
     let command =
         words.map(|word| word.into_string().map_err(|_| Refusal::NotText)).collect::<Result<_, _>>()?;
@@ -30,7 +30,7 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }
 
-/// The build of a plan, as it was asked for.
+/// The build of a plan, as parsed from its command.
 fn planned(plan: &Plan) -> Result<BuildArgs, Failure> {
     let line = ["oct", "plan"].into_iter().chain(plan.command().iter().map(String::as_str));
     let Ok(Cli { command: Command::Plan(PlanArgs { mut build, .. }) }) = Cli::try_parse_from(line) else {

@@ -1,4 +1,4 @@
-//! The sentences on a picture.
+//! Notes on a picture.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use infobyte::text::shown;
 
 use crate::print;
 
-/// Warnings of a picture of a model, and of a scene, that shows nothing.
+/// Warnings of an empty picture of a model, and of a scene.
 const NO_HIT: &str = "no ray meets the model, so the picture is empty; check --eye, --look-at and --fov";
 const NO_HIT_IN_SCENE: &str = "no ray meets a model, so the picture is empty; check what [clip] and the models' clip leave, and --eye, --look-at and --fov or the scene's [camera]";
 

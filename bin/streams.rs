@@ -1,4 +1,4 @@
-//! `-` for standard input and output, and names that say what kind of file they are.
+//! `-` for standard input and output, and suffixes that tell the kind of a file.
 
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use crate::failure::{Dash, Failure, Refusal, Written};
 use crate::platform::{hidden_file, is_reader_gone};
 
-/// Standard input or output, where the name of a file is expected.
+/// True for `-`, which stands for standard input or output.
 pub(crate) fn is_dash(path: &Path) -> bool {
     path == Path::new("-")
 }
@@ -20,8 +20,8 @@ pub(crate) fn is_dash(path: &Path) -> bool {
 /// A file to be read: the one that was named, or all of standard input.
 pub(crate) struct Input {
     path: PathBuf,
-    /// Standard input has no places to go back to, so it is spooled into a file without a name: nothing of it
-    /// stays, whatever ends the process. A link by which it is opened stands in a folder of its own.
+    /// Standard input cannot seek, so it is spooled into a file without a name, which is gone when the process ends,
+    /// however that happens. A link by which it is opened stands in a folder of its own.
     _spooled: Option<(File, TempDir)>,
 }
 
@@ -45,7 +45,7 @@ impl Input {
         Ok(Self { path, _spooled: Some((file, link)) })
     }
 
-    /// Where it can be opened.
+    /// Path by which it can be opened.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -58,7 +58,7 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// Checks what was named for the output before anything is done.
+    /// Checks the named output before any work is done.
     pub(crate) fn of(named: &Path, written: Written, force: bool, as_json: bool) -> Result<Self, Failure> {
         if !is_dash(named) {
             check_suffix(named, written, force)?;
@@ -75,12 +75,12 @@ impl Output {
         Ok(Self { path: folder.path().join("standard output"), held: Some(folder) })
     }
 
-    /// Where it is written.
+    /// Path of the file to be written.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Sends what was written on, or lets the report be printed.
+    /// Sends the file on to standard output, or lets the report be printed.
     pub(crate) fn finish(
         self,
         report: impl FnOnce() -> Result<ExitCode, Error>,
@@ -119,14 +119,14 @@ const OTHERS: &[&str] = &[
     "tar", "tif", "tiff", "toml", "txt", "vgi", "vol", "vtk", "webp", "xml", "zarr", "zip", "zst",
 ];
 
-/// Refuses a name that says that the file is something else.
+/// Refuses a suffix that belongs to another kind of file.
 fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusal> {
     let suffix = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let foreign = match written {
         Written::Model => "png",
         Written::Turntable if suffix == "gif" => return Ok(()),
         Written::Picture | Written::Turntable => "oct",
-        // The name chooses the kind.
+        // The suffix selects the form.
         Written::Export => return Ok(()),
     };
     if !force && (suffix == foreign || OTHERS.contains(&suffix.as_str())) {
@@ -140,7 +140,7 @@ pub(crate) fn refuse_dash<'a>(paths: impl IntoIterator<Item = &'a Path>, dash: D
     if paths.into_iter().any(is_dash) { Err(dash.into()) } else { Ok(()) }
 }
 
-/// Refuses names of models or pictures that say something else.
+/// Refuses names of models or pictures with the suffix of another kind.
 pub(crate) fn check_suffixes<'a>(
     paths: impl IntoIterator<Item = &'a Path>,
     written: Written,

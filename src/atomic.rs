@@ -1,8 +1,7 @@
 //! Output files that appear whole or not at all.
 //!
-//! The bytes go to a file next to the target that has no name yet; it is synced, given the target's
-//! name in one step, and the folder is synced. A process that is killed leaves the old target, or
-//! none, and no rubbish.
+//! The bytes go to a file next to the target that has no name yet; it is synced, given the target's name in one step,
+//! and the folder is synced. A process that is killed leaves the old target, or none, and no temporary file.
 
 use std::fs::{self, File};
 use std::io;
@@ -16,7 +15,7 @@ use crate::platform;
 
 use thiserror::Error;
 
-/// Why a target cannot be written that the system itself would not refuse; held by an [`io::Error`].
+/// A reason not to write a target that the system itself would accept; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub(crate) enum TargetFault {
     #[error("it is a link to a place that does not exist")]
@@ -50,7 +49,7 @@ pub(crate) struct AtomicFile {
 enum Storage {
     /// Gone with its last descriptor, even when the process is killed.
     Unnamed(File),
-    /// Where the file system has no such files.
+    /// Fallback where the file system has no unnamed files.
     Named(tempfile::NamedTempFile),
 }
 
@@ -65,7 +64,7 @@ impl AtomicFile {
             Ok(real) => real,
             Err(_) => target.to_path_buf(),
         };
-        // Before its links: one may lead to a pipe, which has no name.
+        // Checked before its links are resolved: one may lead to a pipe, which has no name.
         if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
             return Err(TargetFault::NotRegular.into());
         }
@@ -92,7 +91,7 @@ impl AtomicFile {
         Ok(Self { target, folder, storage })
     }
 
-    /// The file, open for reading and writing.
+    /// The temporary file, open for reading and writing.
     pub(crate) fn file(&self) -> &File {
         match &self.storage {
             Storage::Unnamed(file) => file,
@@ -100,13 +99,13 @@ impl AtomicFile {
         }
     }
 
-    /// Does some work that writes the file, whose bytes meanwhile go to the disk: then [`Self::commit`] has little to wait
-    /// for.
+    /// Calls `work`, which writes the file, and syncs its bytes to the disk meanwhile: then [`Self::commit`] has little
+    /// to wait for.
     ///
     /// # Errors
-    /// The disk failed, which the system may say only once.
+    /// The disk failed, which the system may report only once.
     pub(crate) fn written_behind<T>(&self, work: impl FnOnce() -> T) -> io::Result<T> {
-        /// Between two syncs; small files are written before the first.
+        /// Interval between two syncs; small files are written before the first.
         const PAUSE: Duration = Duration::from_millis(50);
         thread::scope(|scope| {
             let (working, done) = mpsc::channel::<()>();
@@ -116,7 +115,7 @@ impl AtomicFile {
                 }
                 Ok(())
             };
-            // Without another thread the commit has all to wait for.
+            // Without another thread the commit waits for all bytes.
             let syncing = thread::Builder::new().spawn_scoped(scope, sync);
             let result = work();
             drop(working);
@@ -158,7 +157,7 @@ fn is_final(cause: &io::Error) -> bool {
     )
 }
 
-/// The cause why no file was made in a folder: some systems say of a file where a folder is needed that it is missing.
+/// The error of making a file in a folder: some systems report a file in the folder's place as missing.
 fn not_made(cause: io::Error, folder: &Path) -> io::Error {
     let is_file = || folder.ancestors().any(Path::is_file);
     if cause.kind() == io::ErrorKind::NotFound && is_file() {
@@ -168,8 +167,8 @@ fn not_made(cause: io::Error, folder: &Path) -> io::Error {
     }
 }
 
-/// A file with a name that [`sweep`] knows. Here a process that is killed does leave its file: the first one that comes
-/// after it sweeps.
+/// A file with a name that [`sweep`] recognises. A process that is killed leaves this file behind, and a later one
+/// sweeps it.
 fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     static SWEPT: Once = Once::new();
     SWEPT.call_once(|| sweep(folder));
@@ -181,15 +180,15 @@ fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
             builder.permissions(permissions);
         }
         match builder.tempfile_in(folder) {
-            // Left behind by a process of the same number.
+            // A remainder of a process with the same number.
             Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => {}
             made => return made,
         }
     }
 }
 
-/// Removes what processes that were killed in the one moment of replacing a file have left in `folder`: a
-/// whole file under a second, hidden name.
+/// Removes the whole files under a second, hidden name in `folder` that processes left when they were killed in the
+/// moment of replacing a target.
 pub(crate) fn sweep(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
@@ -205,17 +204,17 @@ pub(crate) fn sweep(folder: &Path) {
     }
 }
 
-/// A hidden name for a whole file of this process that is to be removed again; [`sweep`] does so if the process cannot.
+/// A hidden temporary name for a whole file of this process; [`sweep`] removes the file if the process cannot.
 pub(crate) fn temporary_name() -> String {
     static COUNT: AtomicU64 = AtomicU64::new(1000);
     format!("{SECOND_NAME}{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
 }
 
-/// Beginning of the second name; the process and a count follow.
+/// Prefix of the second name; the process and a count follow.
 const SECOND_NAME: &str = ".oct-";
 
-/// Gives a unnamed file the target's name. A free name is taken directly; an existing target is
-/// replaced by way of a second name, because a link cannot replace.
+/// Gives an unnamed file the target's name. A free name is taken directly; an existing target is replaced by way of a
+/// second name, because a link cannot replace.
 fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
     match platform::give_name(file, target) {
         Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}

@@ -1,4 +1,4 @@
-//! The errors of every boundary gathered once, and the exit code that each kind of failure has.
+//! The errors of every boundary in one type, and the exit code of each kind of failure.
 //!
 //! An error has a kind, a path and one sentence with its remedy. The sentence is written at the place that finds the
 //! fault; a fault is a variant of its own only where code branches on it. No code reads a sentence.

@@ -1,13 +1,13 @@
-//! Who has to act on a failure, hence the exit code of the command.
+//! Responsibility for a failure, hence the exit code of the command.
 
 use serde::Serialize;
 
-/// Who has to act on a failure; each kind is one exit code of the command.
+/// Responsibility for a failure; each kind is one exit code of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum ExitKind {
-    /// The caller is wrong: exit 2.
+    /// The caller's request is wrong: exit 2.
     Usage,
     /// The input is wrong: exit 3.
     Input,
@@ -42,7 +42,7 @@ macro_rules! opaque_error {
         pub struct $name(Box<$fault>);
 
         impl $name {
-            /// Who has to act on it, hence the exit code.
+            /// Responsibility for it, hence the exit code.
             pub fn kind(&self) -> $crate::ExitKind {
                 self.0.kind()
             }

@@ -1,4 +1,4 @@
-//! One error value for every fault that no code tells apart: its kind, its file, and one sentence with its remedy.
+//! One error value for every fault that no code distinguishes: its kind, its file, and one sentence with its remedy.
 //!
 //! The sentence is written at the place that finds the fault, with [`bad!`] where the input is broken and [`usage!`]
 //! where the caller is wrong. A fault is a variant of an enum only where code branches on it: memory, missing slices,
@@ -30,24 +30,24 @@ macro_rules! unfit {
 
 pub(crate) use {bad, unfit, usage};
 
-/// Who has to act on a fault, as far as code branches on it.
+/// Responsibility for a fault, as far as code branches on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FaultKind {
-    /// The caller is wrong.
+    /// The caller's request is wrong.
     Usage,
-    /// The input is of a kind that is not used.
+    /// The input is of an unsupported kind.
     Unfit,
     /// The input is broken.
     Damage,
-    /// A file that the input names is not there, which some readers can do without.
+    /// A file that the input names is missing; some readers can do without it.
     Absent,
-    /// Slices are missing or uneven, and nothing else is wrong: a choice could mend it.
+    /// Slices are missing or uneven, and nothing else is wrong: an option could fix it.
     Gaps,
-    /// A grid is chosen for a tree of solids that has a volume's.
+    /// A grid is chosen for a tree of solids that has a volume's grid.
     OwnGrid,
 }
 
-/// A fault that no code tells apart from others of its kind.
+/// A fault that no code distinguishes from others of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     pub(crate) kind: FaultKind,
@@ -91,7 +91,7 @@ impl Fault {
         }
     }
 
-    /// The fault as an error of a stream, from which `io::Error::downcast` takes it out again.
+    /// The fault as an error of a stream, to be recovered by `io::Error::downcast`.
     pub(crate) fn in_stream(self) -> io::Error {
         io::Error::new(io::ErrorKind::InvalidData, self)
     }

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use crate::platform::{changed, file_id};
 
-/// Changes when a file is overwritten, cut, grown or replaced: a hash of its size, its time of change, and which file it
-/// is. A missing file has an identity of its own. Known within one process only.
+/// Hash of a file's size, time of change and identity, which changes when the file is overwritten, truncated, extended
+/// or replaced. A missing file has an identity of its own. Valid within one process only.
 ///
-/// A write within one tick of the file system's clock that keeps the size is not seen.
+/// A write within one tick of the file system's clock that keeps the size is not detected.
 pub(crate) fn file_identity(path: &Path) -> u64 {
     let mut hash = DefaultHasher::new();
     if let Ok(meta) = fs::metadata(path) {

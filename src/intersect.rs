@@ -1,44 +1,44 @@
-//! Do two models touch, and where: both octrees are descended together (the paper, section 5.1).
+//! Contact of two models, and its place: both octrees are descended together (the paper, section 5.1).
 //!
-//! Two boxes of the finest level touch if they have a point in common, faces and corners included, to within 1e-9 of
-//! a box. They lie anywhere: boxes of one model are parallelepipeds on the grid of the other. Two such are apart if and
-//! only if one of 15 planes stands between them: along a face of either, or along an edge of each (Gottschalk, Lin and
-//! Manocha 1996); the planes' directions are the same for all pairs.
+//! Two boxes of the finest level touch if they have a point in common, faces and corners included, to within 1e-9 of a
+//! box. Their placement is arbitrary: boxes of one model are parallelepipeds on the grid of the other. Two such boxes
+//! are apart if and only if one of 15 planes separates them: along a face of either, or along an edge of each
+//! (Gottschalk, Lin and Manocha 1996); the planes' directions are the same for all pairs.
 //!
 //! A solid that lies deep inside another does not touch it: models hold skins.
 
 use crate::geom::{Affine, BoxIndex, Octant, cross, dot};
 use crate::load::{ModelView, NodeView, PlanePart};
 
-/// Boxes that are this near, in boxes, touch.
+/// Distance in boxes up to which boxes touch.
 const NEAR: f64 = 1e-9;
 
-/// Where one model touches another.
+/// Contact of one model with another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intersection {
-    /// Boxes of the finest level of this model that touch the other.
+    /// Boxes of the finest level of this model that touch the other model.
     pub boxes: u64,
-    /// The middle of the first of them in Morton order, in mm.
+    /// The middle of the first of these boxes in Morton order, in mm.
     pub first_mm: [f64; 3],
-    /// Least and greatest coordinate of their middles, in mm.
+    /// Least and greatest coordinates of their middles, in mm.
     pub range_mm: [[f64; 3]; 2],
 }
 
-/// A model in its place.
+/// A model and its placement.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// Its octree.
+    /// Octree of the model.
     pub view: &'a ModelView<'a>,
     /// Index of a box (its middle at integers) to mm, placement included.
     pub affine: Affine,
 }
 
-/// Which boxes of `one` touch `other`; `None` where none does, or where one of the affines is singular.
+/// The boxes of `one` that touch `other`; `None` if no box does, or if one of the affines is singular.
 ///
 /// Both models must be sound (see [`crate::load::verify()`]). Cost: follows the surface where the models are near each
 /// other, and the depth of the trees elsewhere.
 pub fn intersection(one: Placed<'_>, other: Placed<'_>) -> Option<Intersection> {
-    // Of the boxes' low corners.
+    // Affines of the boxes' low corners.
     let [one_corners, other_corners] = [one, other].map(|placed| placed.affine.starting_at([-0.5; 3]));
     let onto = one_corners.inverse()?.after(&other_corners);
     let mut search = Search {
@@ -55,7 +55,7 @@ pub fn intersection(one: Placed<'_>, other: Placed<'_>) -> Option<Intersection> 
     search.found
 }
 
-/// A direction along which two boxes may be apart, and how far boxes of edge 1 reach along it from their middles.
+/// A direction along which two boxes may be apart, and the reach of boxes of edge 1 along it from their middles.
 #[derive(Clone, Copy, Debug)]
 struct SeparatingAxis {
     across: [f64; 3],
@@ -81,7 +81,7 @@ struct Cube {
     number: BoxIndex,
     low: [u32; 3],
     level: u32,
-    /// Of a part of a larger leaf.
+    /// Plane of a larger leaf's part.
     leaf: Option<PlanePart>,
 }
 
@@ -98,7 +98,7 @@ impl Cube {
         self.low.map(|c| f64::from(c) + self.edge() / 2.0)
     }
 
-    /// Those of a larger leaf are the boxes within it that its plane passes through.
+    /// Children of the box; of a larger leaf the boxes within it that its plane passes through.
     fn children(self, view: &ModelView<'_>) -> impl Iterator<Item = Self> {
         let node = self.number.node();
         let leaf = self.leaf.or_else(|| view.is_leaf(node).then(|| PlanePart::of(view.leaf_plane(node))));
@@ -123,19 +123,19 @@ impl Cube {
 struct Search<'a> {
     one: &'a ModelView<'a>,
     other: &'a ModelView<'a>,
-    /// Grid of the other model onto that of the first.
+    /// Maps the grid of the other model to the grid of the first.
     onto: Affine,
     axes: Vec<SeparatingAxis>,
     /// Length of the other model's longest edge, in boxes of the first.
     scale: f64,
     to_mm: Affine,
-    /// Boxes of the other model near the box that is looked at, after those near its ancestors.
+    /// Boxes of the other model near the present box, after those near its ancestors.
     near: Vec<Cube>,
     found: Option<Intersection>,
 }
 
 impl Search<'_> {
-    /// Looks into a box of the first model; what was near its parent stands in `near` from `from` on.
+    /// Descends into a box of the first model; boxes near its parent are in `near` from `from` on.
     fn descend(&mut self, cube: Cube, from: usize) {
         let own = self.near.len();
         let mut waiting: Vec<Cube> = self.near[from..own].to_vec();
@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// Every pair of boxes is looked at, with the coordinates of their corners.
+    /// Counts contacts by testing every pair of boxes, with the coordinates of their corners.
     fn brute(one: &[[u32; 3]], a: Affine, other: &[[u32; 3]], b: Affine) -> u64 {
         let corners = |affine: &Affine, low: [u32; 3]| -> Vec<[f64; 3]> {
             let at = |i: u32| std::array::from_fn(|axis| f64::from(low[axis] + (i >> axis & 1)) - 0.5);
@@ -277,7 +277,7 @@ mod tests {
             let due = brute(&one, a, &other, b);
             let found = touching(&tree(16, &one), a, &tree(9, &other), b);
             assert_eq!(found.map_or(0, |c| c.boxes), due, "round {round}");
-            // The other way round they touch as well.
+            // With the models exchanged they touch as well.
             let back = touching(&tree(9, &other), b, &tree(16, &one), a);
             assert_eq!(back.is_some(), due > 0);
             met += u64::from(due > 0);

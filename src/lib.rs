@@ -118,7 +118,7 @@
 //! ```text
 //! source --slabs--> builder (classify, skin, gradient, swap, merge) --> .oct --> load --> render
 //! ```
-// What a file holds ends in a model or in a sentence.
+// Any file content leads to a model or to a sentence.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 // Helpers of tests name this crate as other crates do.
@@ -233,7 +233,7 @@ pub fn build(
 ///
 /// A volume that can only be read from front to back, such as [`Slices`], is first written to an anonymous scratch
 /// file. With [`CleanOptions::default`] nothing is cleaned; [`CleanOptions::preset`] replaces
-/// [`BuildOptions::threshold`]. Returns the report of the build, and that of cleaning if the occupancy was cleaned.
+/// [`BuildOptions::threshold`]. Returns the report of the build, and of cleaning if the occupancy was cleaned.
 ///
 /// Memory: [`BuildOptions::memory`]. Temporary disk: as for [`build`], plus the volume if it is unrolled, plus
 /// what [`clean`] states.

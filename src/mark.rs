@@ -9,9 +9,9 @@ pub(crate) const PROGRAM: &str = "infobyte";
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Does a PNG, which begins with these bytes, say that this program made it?
+/// True if a PNG with these first bytes states that this program made it.
 ///
-/// Looked for in the chunks before the pixels, as far as they are shown.
+/// Searches the chunks before the pixels, as far as they are within `head`.
 pub(crate) fn is_own_picture(head: &[u8]) -> bool {
     let Some(mut rest) = head.strip_prefix(SIGNATURE) else { return false };
     while let Some((chunk, after)) = rest.split_first_chunk::<8>() {
@@ -21,7 +21,7 @@ pub(crate) fn is_own_picture(head: &[u8]) -> bool {
         if &kind == b"tEXt" && data.split(|byte| *byte == 0).eq([KEYWORD.as_bytes(), PROGRAM.as_bytes()]) {
             return true;
         }
-        // Behind the data stands a checksum.
+        // A checksum follows the data.
         rest = after.get(length..).and_then(|rest| rest.get(4..)).unwrap_or_default();
     }
     false
@@ -49,7 +49,7 @@ mod tests {
         assert!(!is_own_picture(&of(&[header.clone(), pixels.clone(), mark.clone()])));
         let whole = of(&[header, mark]);
         for end in 0..whole.len() {
-            // The checksum does not count.
+            // The checksum is not needed.
             assert_eq!(is_own_picture(&whole[..end]), end + 4 >= whole.len(), "{end}");
         }
         assert!(!is_own_picture(&of(&[u32::MAX.to_be_bytes().to_vec(), b"tEXt".to_vec()])));

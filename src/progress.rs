@@ -1,4 +1,4 @@
-//! How a long job reports how far it is, and how it is stopped.
+//! Progress of a long job, and its stop.
 
 /// Watches a job, and may stop it; called from several threads.
 pub trait Progress: Sync {
@@ -6,7 +6,7 @@ pub trait Progress: Sync {
     fn stage(&self, name: &'static str, total: u64);
     /// Some steps are done.
     fn advance(&self, steps: u64);
-    /// Should the job stop? Once true, it must stay true.
+    /// True if the job should stop. Once true, it must stay true.
     ///
     /// Builds, cleaning, exports and packing ask between steps: a slice of a column, a group of bricks, 128 KiB of a
     /// file; so the answer should cost no more than reading an atomic. The job then ends with an error of
@@ -32,12 +32,12 @@ impl Progress for Silent {
 pub(crate) struct Stopped;
 
 impl dyn Progress + '_ {
-    /// Goes on, unless the job is stopped.
+    /// An error if the job is stopped.
     pub(crate) fn check(&self) -> Result<(), Stopped> {
         if self.stopped() { Err(Stopped) } else { Ok(()) }
     }
 
-    /// Some steps are done; goes on, unless the job is stopped.
+    /// Reports some steps as done; an error if the job is stopped.
     pub(crate) fn step(&self, steps: u64) -> Result<(), Stopped> {
         self.advance(steps);
         self.check()

@@ -1,9 +1,9 @@
 //! Linux and macOS.
 //!
-//! A mapped file that is cut short is one sentence and the exit code of its kind, instead of a process that is gone.
-//! Reading a page of a mapping that the file does not reach any more raises SIGBUS. There is no way back into the
-//! traversal from there, so the handler says what was written down before and ends the process. Nothing is left
-//! behind: pictures are written when they are finished, and under a name only when they are whole.
+//! If a mapped file is truncated, the command ends with a sentence and the exit code of its kind. Reading a page of a
+//! mapping beyond the end of the file raises SIGBUS. The traversal cannot be resumed from there, so the handler writes
+//! a prepared sentence and ends the process. Nothing is left behind: pictures are written when they are finished, and
+//! get their name only when they are whole.
 #![allow(unsafe_code)]
 
 use std::fs::File;
@@ -18,8 +18,8 @@ use infobyte::{ErrorReport, ExitKind};
 use signal_hook::consts::{SIGBUS, SIGXFSZ};
 use signal_hook::{flag, low_level};
 
-/// Makes writing past a file-size limit an error that can be reported, not the end of the process. Where the handler
-/// cannot be set, the system's way stays.
+/// Makes writing past a file-size limit an error that can be reported, not the end of the process. If the handler
+/// cannot be set, the system's default stays.
 pub(crate) fn report_size_limits() {
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
@@ -31,11 +31,10 @@ pub(crate) fn hidden_file(path: &Path, folder: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Sees to it that a bus error ends the process with a sentence about the file at `path`, which is about to be
-/// mapped.
+/// Makes a bus error end the process with a sentence about the file at `path`, which is about to be mapped.
 ///
-/// Under `--json` it is an object on stdout as well, as every failure is. Costs nothing until then. Where the
-/// handler cannot be set, the system's way stays.
+/// Under `--json` it is an object on stdout as well, as every failure is. Costs nothing until then. If the handler
+/// cannot be set, the system's default stays.
 pub(crate) fn tell_of(path: &Path, as_json: bool) {
     let sentence = format!(
         "{}: was cut short while it was in use, or its disk failed, so that nothing was made of it; copy it again",
@@ -52,21 +51,21 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
     ];
     let begun = AtomicBool::new(false);
     let tell = move || {
-        // Several threads read the file. One of them tells; the others come here again until it has.
+        // Several threads read the file. One of them reports; the others fault again until the process ends.
         if !begun.swap(true, Ordering::Relaxed) {
             for (to, text) in &told {
-                // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before
-                // it was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
+                // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before it
+                // was set, live as long as it does, and have the length given. Nothing is allocated or locked.
                 let _ = unsafe { libc::write(*to, text.as_ptr().cast(), text.len()) };
             }
             low_level::exit(ExitKind::Input.code().into());
         }
     };
-    // The runtime has a handler for overflows of the stack, which raise another signal here. It would be
-    // called first, and set the system's way back: the second thread would end the process before the first spoke.
-    // SAFETY: the system's way is not a function, and nothing waits for what was there.
+    // The runtime has a handler for overflows of the stack, which raise another signal here. It would be called first,
+    // and restore the default: the second thread would end the process before the first has reported.
+    // SAFETY: the default is not a function, and the previous handler is not needed.
     let _ = unsafe { libc::signal(SIGBUS, libc::SIG_DFL) };
-    // SAFETY: the action calls nothing that may not be called in a signal handler, see there.
+    // SAFETY: the action only makes calls that are allowed in a signal handler, see there.
     let _ = unsafe { low_level::register(SIGBUS, tell) };
 }
 

@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-/// Nothing to do: writing past a limit is an error here.
+/// No-op: writing past a limit is an error on this system.
 pub(crate) fn report_size_limits() {}
 
-/// Nothing to do: the system refuses to cut a file that is mapped.
+/// No-op: the system refuses to truncate a file that is mapped.
 pub(crate) fn tell_of(_: &Path, _: bool) {}
 
 /// Makes a file at `path`, which lies in a temporary folder.

@@ -9,11 +9,11 @@
 //!
 //! A [`MemoryCap`] is the requested bound. A [`Budget`] is the memory that may still be used under it, and
 //! [`Budget::reserve`] is the only test of whether something fits. Plans are made by reserving: a stage reserves
-//! what it will hold, in the widest shape that is granted. The smallest cap that works is found by the same
-//! calls in their smallest shape, on a budget without a limit (`Budget::dry`), which is asked afterwards how much
-//! was reserved at most (`Budget::smallest_limit`).
+//! the memory that it will hold, in the widest shape that is granted. The smallest cap that works is found by the same
+//! calls in their smallest shape, on a budget without a limit (`Budget::dry`), whose peak of reservations gives the cap
+//! (`Budget::smallest_limit`).
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `costs` | measured figures of every job: code, stacks, allocator, spreads |
 //! | `size` | sizes as people write them |
@@ -28,27 +28,27 @@ pub use size::{Bytes, ExactSize, parse_size};
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// The bound on the memory of a job.
+/// Limit on the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MemoryCap {
-    /// The resident memory of the whole process; the job is all that it does.
+    /// Limit of the resident memory of the whole process, which does nothing but the job.
     Process(u64),
-    /// Memory that the job may add to a process that does other things too.
+    /// Memory that the job may add to a process with other work.
     Share(u64),
 }
 
 impl MemoryCap {
-    /// The bound itself.
+    /// The limit in bytes.
     pub fn bytes(self) -> u64 {
         match self {
             Self::Process(bytes) | Self::Share(bytes) => bytes,
         }
     }
 
-    /// Bytes that count against the bound in addition to what the job allocates from now on: in a process, all that
-    /// is allocated now, and code. What code is resident at the moment says little, as more is mapped while a
-    /// job runs, and differs with every start; so the most that it comes to is counted.
+    /// Bytes that count against the limit in addition to the job's further allocations: in a process, everything
+    /// allocated now, and code. The code that is resident at the moment is no measure, as more is mapped while a job
+    /// runs, and differs with every start; so its maximum is counted.
     pub(crate) fn held(self) -> u64 {
         match self {
             Self::Process(_) => own_rss_bytes() + file_rss_bytes().max(costs::CODE_BYTES),
@@ -61,7 +61,7 @@ impl MemoryCap {
     }
 }
 
-/// A number of bytes that may be held, from which weight is reserved before it is allocated.
+/// A number of bytes from which memory is reserved before it is allocated.
 ///
 /// Clones are the same budget. Reservations may be made and dropped by any thread; each costs a lock.
 ///
@@ -85,22 +85,22 @@ pub struct Budget(Arc<Account>);
 #[derive(Debug)]
 struct Account {
     limit_bytes: u64,
-    /// The cap's kind.
+    /// True for a cap on the whole process.
     alone: bool,
     /// Peak of the process when the budget was made; 0 for a share.
     peak_bytes: u64,
     state: Mutex<State>,
     changed: Condvar,
-    /// The reservation of the whole budget in another one.
+    /// Reservation in the enclosing budget, for a budget that is part of another one.
     _within: Option<Reservation>,
 }
 
 #[derive(Debug, Default)]
 struct State {
     reserved: u64,
-    /// The most that was reserved at a time.
+    /// Most bytes reserved at a time.
     most: u64,
-    /// Number of the next request that waits, and of the one whose turn it is.
+    /// Number of the next request to wait, and of the one whose turn it is.
     next: u64,
     turn: u64,
 }
@@ -112,46 +112,46 @@ impl State {
     }
 }
 
-/// Why weight cannot be reserved.
+/// Refusal of a reservation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooSmall {
-    /// Bytes that were asked for.
+    /// Bytes requested.
     pub needed_bytes: u64,
-    /// Bytes that were left.
+    /// Bytes left.
     pub left_bytes: u64,
 }
 
 impl TooSmall {
-    /// By how much the budget is too small for this request.
+    /// Bytes by which the budget is too small for this request.
     pub fn missing_bytes(&self) -> u64 {
         self.needed_bytes.saturating_sub(self.left_bytes)
     }
 }
 
 impl Budget {
-    /// A budget of so many bytes, of which nothing is taken.
+    /// A budget of so many bytes, with nothing reserved.
     pub fn new(limit_bytes: u64) -> Self {
         Self::with(limit_bytes, false, None)
     }
 
-    /// The memory left under a cap: what is held already is taken.
+    /// The memory left under a cap, less the bytes that are held already.
     ///
-    /// Cost: in a process the kernel is asked what is resident (some 20 us).
+    /// Cost: in a process the kernel is asked for the resident memory (some 20 us).
     pub fn of(cap: MemoryCap) -> Self {
         let budget = Self::with(cap.bytes(), cap.is_process(), None);
         budget.take(cap.held());
         budget
     }
 
-    /// Like [`Budget::of`], with what a job holds outside its workers taken, too. (In a process of its own that is
-    /// part of what code is counted for.)
+    /// Like [`Budget::of`], with the memory of a job outside its workers reserved, too. (In a process of its own the
+    /// code's figure includes it.)
     pub(crate) fn of_job(cap: MemoryCap) -> Self {
         let budget = Self::of(cap);
         budget.take_overhead();
         budget
     }
 
-    /// Like `Budget::of_job` under a cap of this kind, but without a limit: what a job reserves from it is measured.
+    /// Like `Budget::of_job` under a cap of this kind, but without a limit: it measures a job's reservations.
     pub(crate) fn dry(kind: MemoryCap) -> Self {
         let budget = Self::with(u64::MAX, kind.is_process(), None);
         budget.take(kind.held());
@@ -170,7 +170,7 @@ impl Budget {
         }))
     }
 
-    /// Counts bytes for good that are held whether there is room or not.
+    /// Adds bytes to the reservations for good, whether there is room or not.
     fn take(&self, bytes: u64) {
         self.0.lock().add(bytes);
     }
@@ -179,17 +179,17 @@ impl Budget {
         self.take(if self.is_process() { 0 } else { costs::SHARE_OVERHEAD });
     }
 
-    /// Is it the whole process that is bounded?
+    /// True for a cap on the whole process.
     pub(crate) fn is_process(&self) -> bool {
         self.0.alone
     }
 
-    /// The bound.
+    /// The limit in bytes.
     pub(crate) fn limit_bytes(&self) -> u64 {
         self.0.limit_bytes
     }
 
-    /// The memory reserved now, and that held when the budget was made.
+    /// The memory reserved now, with the bytes held when the budget was made.
     pub(crate) fn reserved_bytes(&self) -> u64 {
         self.0.lock().reserved
     }
@@ -199,7 +199,8 @@ impl Budget {
         self.0.left(&self.0.lock())
     }
 
-    /// Has the process passed the limit before? A cap is on the peak, so that nothing fits any more.
+    /// True if the process has exceeded the limit before. A cap is on the peak, so that no reservation is granted any
+    /// more.
     pub(crate) fn is_passed(&self) -> bool {
         self.0.peak_bytes > self.0.limit_bytes
     }
@@ -219,11 +220,11 @@ impl Budget {
         Ok(Reservation { account: Arc::clone(&self.0), bytes })
     }
 
-    /// Like [`Budget::reserve`], but waits for others to give back. First come, first served: a large request is not
-    /// overtaken for ever by small ones.
+    /// Like [`Budget::reserve`], but waits for others to give back. First come, first served: small requests do not
+    /// overtake a large one for ever.
     ///
     /// # Errors
-    /// There are never so many: more than the whole limit.
+    /// More than the whole limit is requested.
     pub(crate) fn wait_for(&self, bytes: u64) -> Result<Reservation, TooSmall> {
         let account = &*self.0;
         if bytes > account.limit_bytes {
@@ -242,7 +243,7 @@ impl Budget {
         Ok(Reservation { account: Arc::clone(&self.0), bytes })
     }
 
-    /// The memory of as many workers as fit, up to `most` and at least one; each holds `each_bytes`.
+    /// Reserves the memory of as many workers as fit, up to `most` and at least one; each holds `each_bytes`.
     ///
     /// # Errors
     /// There is not enough for one.
@@ -256,7 +257,7 @@ impl Budget {
         Ok((count, self.reserve(each_bytes.saturating_mul(count as u64))?))
     }
 
-    /// Takes all that is left, if only 0 bytes.
+    /// Reserves all that is left, even 0 bytes.
     pub(crate) fn reserve_rest(&self) -> Reservation {
         let mut state = self.0.lock();
         let bytes = self.0.left(&state);
@@ -265,16 +266,16 @@ impl Budget {
         Reservation { account: Arc::clone(&self.0), bytes }
     }
 
-    /// The smallest limit under which all that was reserved so far would have been granted, in steps of
+    /// The smallest limit under which all reservations so far would have been granted, in steps of
     /// [`costs::STATED_STEP`].
     ///
-    /// In a process this is a limit that works in every run: what is resident at the beginning differs between them,
-    /// and is read `readings` times by a job; and opening the input has had its peak.
+    /// In a process this is a limit that works in every run: the resident memory at the beginning differs between them,
+    /// and a job reads it `readings` times; and opening the input has had its peak.
     pub(crate) fn smallest_limit(&self, readings: u64) -> u64 {
         self.0.stated(self.0.lock().most, readings)
     }
 
-    /// The smallest limit, likewise, under which so many bytes would be granted on top of what is reserved now.
+    /// The smallest limit, likewise, under which so many bytes would be granted beyond the present reservations.
     pub(crate) fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
         self.0.stated(self.reserved_bytes().saturating_add(more_bytes), 1)
     }
@@ -289,7 +290,7 @@ impl Account {
         self.limit_bytes.saturating_sub(state.reserved)
     }
 
-    /// A limit as it is stated: with room for what differs between runs, in round steps.
+    /// A limit as it is stated: with a margin for the spread between runs, in round steps.
     fn stated(&self, bytes: u64, readings: u64) -> u64 {
         let spread = if self.alone { costs::HELD_SPREAD * readings } else { 0 };
         let passed = if self.peak_bytes > 0 { self.peak_bytes + costs::OPENING_SPREAD } else { 0 };
@@ -297,7 +298,7 @@ impl Account {
     }
 }
 
-/// Bytes of a [`Budget`] that are spoken for, given back when dropped.
+/// Reserved bytes of a [`Budget`], given back when dropped.
 #[derive(Debug)]
 #[must_use = "the bytes are given back when it is dropped"]
 pub struct Reservation {
@@ -306,12 +307,13 @@ pub struct Reservation {
 }
 
 impl Reservation {
-    /// How many.
+    /// Number of bytes reserved.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// A budget of these bytes; they are given back when its last clone and its last reservation are dropped.
+    /// Turns the reservation into a budget of its own; the bytes are given back when its last clone and its last
+    /// reservation are dropped.
     pub fn into_budget(self) -> Budget {
         Budget::with(self.bytes, false, Some(self))
     }
@@ -344,7 +346,7 @@ mod tests {
         let within = part.reserve(60).unwrap();
         assert!(part.clone().reserve(1).is_err());
         drop(part);
-        // The part is alive as long as something is reserved from it.
+        // The part lives as long as something is reserved from it.
         assert_eq!(budget.left_bytes(), 40);
         drop(within);
         assert_eq!(budget.left_bytes(), 100);

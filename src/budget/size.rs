@@ -5,7 +5,7 @@ use std::fmt;
 /// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary, alone and with `iB`. `8MB` has 8,000,000 bytes.
 ///
 /// # Errors
-/// A sentence that says what is accepted.
+/// A sentence on the accepted forms.
 pub fn parse_size(text: &str) -> Result<u64, String> {
     let trimmed = text.trim();
     let split = trimmed.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(trimmed.len());
@@ -33,7 +33,7 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
 /// A byte count for people: `8.0 MiB`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes(
-    /// The count.
+    /// Number of bytes.
     pub u64,
 );
 
@@ -53,10 +53,10 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// A byte count as [`parse_size`] reads it back, never less: `6784KiB`, `8MiB`.
+/// A byte count in the syntax of [`parse_size`], rounded up: `6784KiB`, `8MiB`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SizeArgument(
-    /// The count.
+    /// Number of bytes.
     pub u64,
 );
 
@@ -73,7 +73,7 @@ impl fmt::Display for SizeArgument {
 /// A byte count as it was typed: not rounded, in the greatest unit that divides it.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactSize(
-    /// The count.
+    /// Number of bytes.
     pub u64,
 );
 

@@ -28,12 +28,12 @@ impl BitVolume {
         Ok(Self { file: file.into(), folder: folder.to_path_buf(), dims, row_words })
     }
 
-    /// Bits that lie in a file from its start on.
+    /// Opens the bits stored from the start of a file on.
     pub(crate) fn over(file: PositionalFile, folder: &Path, dims: Dims) -> Self {
         Self { file, folder: folder.to_path_buf(), dims, row_words: dims.nx().div_ceil(64) as usize }
     }
 
-    /// Writes all bits of another one from slice `first` on, both of which have slices of one size.
+    /// Copies all bits of `other` to the slices from `first` on; slices of both must have the same size.
     ///
     /// # Errors
     /// A file fails.
@@ -56,7 +56,7 @@ impl BitVolume {
         self.dims
     }
 
-    /// Where the file is, without a name.
+    /// Folder of the unnamed file.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
@@ -70,7 +70,7 @@ impl BitVolume {
         u64::from(self.dims.ny()) * u64::from(self.dims.nz())
     }
 
-    /// Number of a row among all.
+    /// Index of a row in the file.
     pub(crate) fn row(&self, y: u32, z: u32) -> u64 {
         u64::from(z) * u64::from(self.dims.ny()) + u64::from(y)
     }
@@ -80,7 +80,7 @@ impl BitVolume {
         self.file.read_exact_at(bytemuck::cast_slice_mut(words), self.offset(row, first))
     }
 
-    /// Like [`BitVolume::read`], into bytes of words.
+    /// Like [`BitVolume::read`], into the bytes of the words.
     pub(crate) fn read_bytes(&self, row: u64, first: usize, bytes: &mut [u8]) -> io::Result<()> {
         self.file.read_exact_at(bytes, self.offset(row, first))
     }
@@ -95,7 +95,7 @@ impl BitVolume {
         (row * self.row_words as u64 + first as u64) * 8
     }
 
-    /// The words for a failure of the file.
+    /// The error for a failure of the file.
     pub(crate) fn failed(&self, cause: io::Error) -> BuildError {
         scratch_error(&self.folder, cause)
     }

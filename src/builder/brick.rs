@@ -19,18 +19,18 @@ const WORDS: usize = VOXELS / 64;
 pub(super) struct BrickChannel {
     channel: Channel,
     form: ItemForm,
-    /// How its means come about, if they are wanted.
+    /// Rule of its means; `None` for a channel without means.
     pub(super) rule: Option<MeanRule>,
     /// Stored items in the order of the scan.
     scan: Vec<u8>,
     /// Stored items in Morton order.
     pub(super) items: Vec<u8>,
-    /// Sums of the boxes of 4^3 voxels, then (folded) of larger ones; none without a rule.
+    /// Sums of the boxes of 4^3 voxels, then (folded) of larger ones; empty without a rule.
     pub(super) sums: Vec<Sum>,
 }
 
-/// A cell with corners: its rank in Morton order among all cells of the brick, and its number among those with
-/// corners in the order of the scan.
+/// A cell with corners: its rank in Morton order among all cells of the brick, and its index in scan order among the
+/// cells with corners.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Corner {
     rank: u16,
@@ -43,7 +43,7 @@ impl Corner {
     }
 }
 
-/// Bytes of a channel's items at their fullest, in both orders, and of its sums.
+/// Most bytes of a channel's items, in both orders, and of its sums.
 pub(super) fn channel_bytes(channel: &ChannelForm) -> u64 {
     if channel.channel.row().is_sparse {
         return (VOXELS * (channel.form.stored_bytes() + size_of::<Corner>())) as u64;
@@ -67,7 +67,7 @@ impl BrickChannel {
         self.channel
     }
 
-    /// Does only a part of the voxels have an item?
+    /// True if only a part of the voxels has an item.
     pub(super) fn is_sparse(&self) -> bool {
         self.channel.row().is_sparse
     }
@@ -84,7 +84,7 @@ impl BrickChannel {
     /// Sums of the 4^3 boxes, in Morton order with empty boxes between.
     fn sum_words(&mut self, words: &[u64; WORDS], before: &[u32; WORDS]) {
         let item = self.item_bytes();
-        // Each with a rule that the compiler knows in the loop.
+        // One loop for each rule, which the compiler then knows as a constant.
         match self.rule {
             Some(MeanRule::Direction) => {
                 self.sum_words_by(words, before, 2, |sum, items| {
@@ -115,7 +115,7 @@ impl BrickChannel {
         }
     }
 
-    /// Folds the sums of `boxes` boxes into those of their parents.
+    /// Folds the sums of `boxes` boxes into the sums of their parents.
     pub(super) fn fold_sums(&mut self, boxes: usize) {
         if self.rule.is_none() {
             return;
@@ -131,7 +131,7 @@ impl BrickChannel {
         }
     }
 
-    /// Writes the means of the first `boxes` boxes, of those with skin, to `out`.
+    /// Writes the means of the first `boxes` boxes to `out`, skipping boxes without skin.
     pub(super) fn means(&self, boxes: usize, out: &mut Vec<u8>) {
         out.clear();
         let (Some(rule), item) = (self.rule, self.item_bytes()) else { return };
@@ -158,12 +158,12 @@ pub(super) struct BrickReader {
     /// Cells with corners, in Morton order.
     pub(super) corners: Vec<Corner>,
     pub(super) channels: Vec<BrickChannel>,
-    /// Corners inside of every cell, in the order of the scan and in Morton order, where they are swapped.
+    /// Masks of each cell's inside corners, in scan order and in Morton order; `None` unless they are swapped.
     sides: Option<[Vec<u8>; 2]>,
 }
 
 impl BrickReader {
-    /// Fragments and bits at their fullest.
+    /// Memory of the fragments and the bits at their largest.
     pub(super) const BYTES: u64 = 2 * (140 << 10) + 16 * WORDS as u64 + 4096;
 
     pub(super) fn new(channels: &StoredChannels) -> Self {
@@ -180,12 +180,12 @@ impl BrickReader {
         }
     }
 
-    /// A reader of cells whose sides are swapped, too.
+    /// A reader of cells whose corner masks are swapped as well.
     pub(super) fn with_sides(channels: &StoredChannels) -> Self {
         Self { sides: Some(Default::default()), ..Self::new(channels) }
     }
 
-    /// Corners inside of every cell, in Morton order.
+    /// Masks of each cell's inside corners, in Morton order.
     pub(super) fn sides(&self) -> &[u8] {
         self.sides.as_ref().map_or(&[], |[_, items]| items)
     }
@@ -256,7 +256,7 @@ impl BrickReader {
         self.corners.sort_unstable();
     }
 
-    /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is not one.
+    /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is invalid.
     fn unpack(&mut self) -> Option<()> {
         let (head, mut rest) = self.payload.split_first_chunk::<2>()?;
         let slices = usize::from(head[0])..usize::from(head[1]).min(EDGE);
@@ -291,7 +291,7 @@ impl BrickReader {
         Some(())
     }
 
-    /// Skin bits row by row to Morton words.
+    /// Converts skin bits by row to Morton words.
     #[inline(always)]
     fn words_of_rows(&mut self) {
         for (block, word) in self.words.iter_mut().enumerate() {
@@ -315,7 +315,7 @@ impl BrickReader {
         }
     }
 
-    /// Sums of every channel that is averaged, of the 4^3 boxes.
+    /// Sums the 4^3 boxes of every averaged channel.
     pub(super) fn sum_words(&mut self) {
         for channel in &mut self.channels {
             channel.sum_words(&self.words, &self.before);
@@ -336,7 +336,7 @@ impl Kernel for WordsKernel<'_> {
     }
 }
 
-/// Which voxel of the scan has which rank in Morton order.
+/// Mapping from the scan order of voxels to their rank in Morton order.
 #[derive(Clone, Copy)]
 struct MortonOrder<'a> {
     rows: &'a [u32; EDGE * EDGE],
@@ -405,8 +405,8 @@ impl<const W: usize> Kernel for SortKernel<'_, W> {
 
 /// Infobytes of all boxes of a brick, empty ones included: `[e - 1]` holds those with an edge of 2^e.
 ///
-/// The infobyte of a box of 2^3 voxels is a byte of the Morton words; every longer edge asks which of
-/// eight neighbouring infobytes are not zero.
+/// The infobyte of a box of 2^3 voxels is a byte of the Morton words; at every longer edge a bit is set for each of the
+/// eight child infobytes that is not zero.
 pub(super) fn infobytes(words: &[u64; WORDS], out: &mut [Vec<u8>; BRICK_LEVELS as usize]) {
     let [finest, coarser @ ..] = out;
     finest.clear();
@@ -425,7 +425,7 @@ pub(super) fn infobytes(words: &[u64; WORDS], out: &mut [Vec<u8>; BRICK_LEVELS a
     }
 }
 
-/// Four bits of a row to their bits in a word of 4^3 voxels in Morton order.
+/// Bits of a word of 4^3 voxels in Morton order for four bits of a row.
 const SPREAD_X: [u64; 16] = {
     let mut table = [0; 16];
     let mut bits = 0_u64;

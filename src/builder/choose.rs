@@ -1,4 +1,4 @@
-//! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
+//! The choice of the inside: a selection as given, or by Otsu's method from a streamed histogram.
 
 use super::error::{BuildError, Criterion};
 use super::histogram::{Bins, Kind, Split, Tally};
@@ -14,11 +14,11 @@ use crate::fault::usage;
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{Rescale, VolumeInfo, VolumeSource};
 
-/// Chooses what is inside, as [`super::build_volume`] does, and notes what is odd about the volume;
-/// [`Threshold::Chosen`] hands the result on to it.
+/// Chooses the inside values, as [`super::build_volume`] does, and notes oddities of the volume; [`Threshold::Chosen`]
+/// passes the result to it.
 ///
-/// Passes over the volume: none but a slice, or some of a map of labels; for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
-/// fewer workers where the cap is small.
+/// Passes over the volume: at most a slice, or some slices of a map of labels; for Otsu one (wide types: two). Memory:
+/// 0.5 MiB and 0.5 MiB a worker, fewer workers where the cap is small.
 ///
 /// # Errors
 /// The range is empty, or no sample can lie in it; the volume cannot be read.
@@ -34,22 +34,22 @@ pub(crate) fn choose_noted(
     Ok((selection, note))
 }
 
-/// What is inside.
+/// A selection of the inside values.
 pub(super) struct Chosen {
-    /// In physical units.
+    /// The selection in physical units.
     pub(super) selection: Selection,
-    /// In samples.
+    /// Its range of samples.
     pub(super) range: Box<dyn FileRange>,
-    /// What is odd about the volume.
+    /// Oddity of the volume.
     pub(super) note: Option<BuildNote>,
 }
 
-/// True if samples are values. Numbers that are scaled are measured.
+/// True if stored samples are the values. Scaled numbers are measurements.
 fn is_unscaled(rescale: Rescale) -> bool {
     rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0
 }
 
-/// A volume, and the means to look at its values.
+/// A volume with the means to read its values.
 #[derive(Clone, Copy)]
 pub(crate) struct Chooser<'a> {
     pub(crate) source: &'a dyn VolumeSource,
@@ -59,7 +59,7 @@ pub(crate) struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
-    /// What is inside.
+    /// Chooses the inside values.
     pub(super) fn choose(&self, threshold: Threshold) -> Result<Chosen, BuildError> {
         let VolumeInfo { scalar, rescale, .. } = *self.source.info();
         let open = f64::INFINITY;
@@ -88,7 +88,7 @@ impl Chooser<'_> {
             .into());
         }
         match file_range(scalar, &selection, rescale) {
-            // Between labels the surface is that of a mask, not of their numbers.
+            // Between labels the surface is a mask's, not one of their numbers.
             Some(range) if selection.kind != SelectionKind::Otsu && self.is_map()? => {
                 Ok(Chosen { selection, range: Box::new(MaskRange(range)), note })
             }
@@ -97,12 +97,12 @@ impl Chooser<'_> {
         }
     }
 
-    /// True if the samples are labels, by some slices: the same for every part of a model, and at little cost for others.
+    /// True if the samples are labels, judged by some slices: the same for every part of a model, and cheap for others.
     fn is_map(&self) -> Result<bool, BuildError> {
         Ok(is_unscaled(self.source.info().rescale) && histogram::is_map(self.source)?)
     }
 
-    /// What a histogram says, in physical units.
+    /// The selection of a histogram's split, in physical units.
     fn of_split(&self, split: Split) -> (Selection, Option<BuildNote>) {
         let VolumeInfo { scalar, rescale, .. } = *self.source.info();
         // On a falling scale the samples below the split are the high values, and the split itself is
@@ -121,7 +121,7 @@ impl Chooser<'_> {
         }
     }
 
-    /// The extremes of a share of the volume, as wide samples need them.
+    /// The extremes of a share of the volume, needed for wide samples.
     ///
     /// # Errors
     /// The volume cannot be read, or the memory is too small.
@@ -131,10 +131,10 @@ impl Chooser<'_> {
         histogram::extremes(source, share, threads, progress)
     }
 
-    /// The histogram of a share of the volume; `extremes` are those of all of it.
+    /// The histogram of a share of the volume; `extremes` come from the whole volume.
     ///
     /// # Errors
-    /// As [`Self::extremes_of`].
+    /// The errors of [`Self::extremes_of`].
     pub(crate) fn tally_of(&self, share: Share, extremes: Option<(f64, f64)>) -> Result<Tally, BuildError> {
         let (threads, _memory) = self.reserve_histogram()?;
         let Self { source, progress, .. } = *self;
@@ -142,7 +142,7 @@ impl Chooser<'_> {
         Tally::take(source, share, bins, threads, progress)
     }
 
-    /// What is inside by the histogram of the whole volume.
+    /// Chooses the inside values by the histogram of the whole volume.
     ///
     /// # Errors
     /// All values are alike.
@@ -159,8 +159,8 @@ impl Chooser<'_> {
         Ok(self.of_split(split))
     }
 
-    /// Threads, as many as their histograms fit the budget, and their memory. Room for one worker of the scan is
-    /// kept, as the allocator may not give back what the histograms held.
+    /// Reserves the memory of the histograms; returns the number of threads that fit the budget. Room for one worker of
+    /// the scan is kept, as the allocator may not return the histograms' memory.
     fn reserve_histogram(&self) -> Result<(usize, Vec<Reservation>), BuildError> {
         let budget = Budget::of(self.memory);
         let mut memory: Vec<_> = self.least_histogram(&budget).map_err(|_| self.too_small())?.into();
@@ -174,7 +174,7 @@ impl Chooser<'_> {
         Ok((1 + others.unwrap_or(0), memory))
     }
 
-    /// The shared memory, and that of one worker.
+    /// The shared memory, and the memory of one worker.
     fn least_histogram(&self, budget: &Budget) -> Result<[Reservation; 2], TooSmall> {
         let shared = budget.reserve(histogram::SHARED_BYTES)?;
         Ok([shared, budget.reserve(self.with_source(histogram::WORKER_BYTES))?])
@@ -195,7 +195,7 @@ impl Chooser<'_> {
         })
     }
 
-    /// The error for a range without voxels: says which values there are, at the price of one more pass.
+    /// The error for a range without voxels: states the values that exist, at the cost of one more pass.
     pub(super) fn empty(&self, sought: Criterion) -> BuildError {
         let seen = self.reserve_histogram().and_then(|(threads, _memory)| {
             histogram::extremes(self.source, Share::ALL, threads, self.progress)

@@ -6,7 +6,7 @@
 //!               records of bricks of 32^3  --every 32 slices-->  scratch file
 //! ```
 //!
-//! Memory is that of [`ColumnPlan::worker_bytes`] and of the solid's worker, for any solid.
+//! [`ColumnPlan::worker_bytes`] and the solid's worker state the memory, for any solid.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "coordinates are below 2^16, numbers of voxels within a brick below 2^15"
@@ -38,25 +38,25 @@ pub(super) struct ScanContext<'a> {
     pub(super) kept: SkinRule,
     pub(super) plan: &'a ColumnPlan,
     pub(super) scratch: &'a Scratch,
-    /// The boxes that can be seen, if others are not kept.
+    /// Boxes that can be seen, if others are dropped.
     pub(super) seen: Option<&'a BitVolume>,
     pub(super) progress: &'a dyn Progress,
-    /// Are the sides of cells' corners swapped, too?
+    /// Set to swap the masks of cells' inside corners as well.
     pub(super) with_sides: bool,
 }
 
 impl ScanContext<'_> {
-    /// Chains of a brick: one a channel, and one of sides.
+    /// Chains of a brick: one per channel, and one of corner masks.
     fn chains(&self) -> usize {
         self.channels.len() + usize::from(self.with_sides)
     }
 }
 
-/// Figures that a worker brings home.
+/// Totals of a worker.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ScanTotals {
     pub(super) skin: u64,
-    /// Boxes of the surface that are not kept because they cannot be seen.
+    /// Boxes of the surface dropped because they cannot be seen.
     pub(super) hidden: u64,
     /// True if a box of the surface is not at a side of the grid.
     pub(super) amid: bool,
@@ -86,7 +86,7 @@ fn is_amid([nx, ny, nz]: [u32; 3], [x, y, z]: [u32; 3], rows: &[u32; BRICK_ROWS]
 struct WaitingBrick {
     /// Skin bits, `rows[32 z + y]`.
     rows: Box<[u32; BRICK_ROWS * BRICK_ROWS]>,
-    /// Slices swapped out already, and slices done.
+    /// Slices already swapped out, and slices done.
     swapped: u8,
     done: u8,
     last_fragment: u64,
@@ -109,13 +109,13 @@ impl WaitingBrick {
 /// Occupancy of a slab of 32 slices, 64 columns at a time.
 #[derive(Clone, Debug)]
 struct SlabCover {
-    /// The slab; a number beyond any for none.
+    /// Number of the slab; beyond all slabs for none.
     slab: u32,
     /// Cover of each word of the tile, with all neighbours.
     words: Vec<Cover>,
-    /// Runs of words that are mixed.
+    /// Runs of mixed words.
     mixed: Vec<Range<usize>>,
-    /// Slices of the ring in which the bits of the other words must still be written: they stay the same.
+    /// Slices of the ring that still lack the bits of the other words, which stay the same.
     stale: usize,
 }
 
@@ -131,7 +131,7 @@ impl SlabCover {
         }
     }
 
-    /// Gathers the runs once all words are known.
+    /// Gathers the runs of mixed words once the cover of all words is known.
     fn finish(&mut self) {
         self.mixed.clear();
         for (word, cover) in self.words.iter().enumerate() {
@@ -167,7 +167,7 @@ pub(super) struct ColumnWorker<'a> {
     shared: &'a ScanContext<'a>,
     dims: [u32; 3],
     solid: Box<dyn SolidWorker + 'a>,
-    /// Slices of the current slab and of the one that is being read.
+    /// Covers of the current slab and of the slab that is being read.
     covers: [SlabCover; 2],
     bits: Vec<u64>,
     no_bits: Vec<u64>,
@@ -215,7 +215,7 @@ impl<'a> ColumnWorker<'a> {
         }
     }
 
-    /// Scans one column and swaps its skin records out.
+    /// Scans one column and swaps out its skin records.
     pub(super) fn scan(&mut self, column: &VoxelBox) -> Result<(), BuildError> {
         self.solid.start(column)?;
         for cover in &mut self.covers {
@@ -250,7 +250,7 @@ impl<'a> ColumnWorker<'a> {
             if !column.z.contains(&z) {
                 continue;
             }
-            // The skin is not asked for: its place holds the rows, one after the other.
+            // Without a skin from the solid, its buffer holds the rows, one after the other.
             let rows = &mut self.skin[..words * column.y.len()];
             let slice = &self.bits[z as usize % BIT_RING * BIT_ROWS * row_words..][row_words..];
             for (row, from) in rows.chunks_exact_mut(words).zip(slice.chunks_exact(row_words)) {
@@ -268,11 +268,11 @@ impl<'a> ColumnWorker<'a> {
         Ok(())
     }
 
-    /// Clears the bits of what cannot be seen.
+    /// Clears the bits of voxels that cannot be seen.
     fn hide(&mut self, column: &VoxelBox, z: u32, seen: &BitVolume) -> Result<(), BuildError> {
         let words = words_across(column);
         self.payload.clear();
-        // As many rows as the buffer of fragments has room for, which is not in use here.
+        // As many rows as fit into the fragment buffer, which is not in use here.
         let at_once = (self.payload.capacity() / 8 / words).clamp(1, BRICK_ROWS);
         let at_once = if words == seen.row_words { at_once } else { 1 };
         self.payload.resize((at_once * words * 8).min(BRICK_ROWS * words * 8), 0);
@@ -293,7 +293,7 @@ impl<'a> ColumnWorker<'a> {
         Ok(())
     }
 
-    /// Writes what is still gathered and returns the worker's figures.
+    /// Writes the gathered records and returns the worker's totals.
     pub(super) fn finish(mut self) -> Result<ScanTotals, BuildError> {
         self.writer.flush()?;
         Ok(ScanTotals {
@@ -304,12 +304,12 @@ impl<'a> ColumnWorker<'a> {
         })
     }
 
-    /// Asks for the cover of a slab, box by box: the whole tile first, halves where it is mixed.
+    /// Determines the cover of a slab, box by box: the whole tile first, halves where it is mixed.
     fn cover_slab(&mut self, column: &VoxelBox, slab: u32) {
         let [nx, ny, nz] = self.dims;
         let grown = |from: u32, to: u32, n: u32| from.saturating_sub(1)..(to + 1).min(n);
         let (y, z) = (grown(column.y.start, column.y.end, ny), grown(slab * BRICK, (slab + 1) * BRICK, nz));
-        // Beside the border a box that is all inside has skin.
+        // At the border a box that is all inside has skin.
         let inner = column.y.start > 0 && column.y.end < ny && slab > 0 && (slab + 1) * BRICK < nz;
         let cover = &mut self.covers[slab as usize % 2];
         cover.slab = slab;
@@ -336,8 +336,8 @@ impl<'a> ColumnWorker<'a> {
         cover.finish();
     }
 
-    /// Asks for the occupancy of a slice of the column: its rows and one more on either side, each with the
-    /// voxels at x0 - 1 and x1 in the words before and after. Rows outside the grid are cleared.
+    /// Loads the occupancy of a slice of the column: its rows and one more on either side, each with the voxels at x0 -
+    /// 1 and x1 in the words before and after. Rows outside the grid are cleared.
     fn load(&mut self, column: &VoxelBox, z: u32) -> Result<(), BuildError> {
         let slab = z / BRICK;
         if self.covers[slab as usize % 2].slab != slab {
@@ -352,7 +352,7 @@ impl<'a> ColumnWorker<'a> {
         }
         let [nx, ny, _] = self.dims;
         let y = column.y.start.saturating_sub(1)..(column.y.end + 1).min(ny);
-        // Bits of row y stand in row y + 1 - y0.
+        // Bits of row y are stored in row y + 1 - y0.
         let first_row = (y.start + 1 - column.y.start) as usize;
         let words = words_across(column);
         if column.y.start == 0 {
@@ -402,7 +402,7 @@ impl<'a> ColumnWorker<'a> {
         let words = words_across(column);
         let bricks = column.x.len().div_ceil(BRICK_ROWS);
         let (kept, nz) = (self.shared.kept, self.dims[2]);
-        // The skin of a run of words: as the solid says it, or as it follows from the bits.
+        // Skin of a run of words: given by the solid, or derived from the bits.
         let find =
             |solid: &mut dyn SolidWorker, bits: &[u64], none: &[u64], skin: &mut [u64], run: Range<usize>| {
                 let (origin, width) = (i64::from(column.x.start) + 64 * run.start as i64, run.len());
@@ -423,7 +423,7 @@ impl<'a> ColumnWorker<'a> {
                 }
             };
         if let Some(seen) = self.shared.seen {
-            // Only words of mixed runs are found below; the others are left from before.
+            // Only words of mixed runs are computed below; the others are left from before.
             self.skin[..words * BRICK_ROWS].fill(0);
             for run in &self.covers[slab as usize % 2].mixed {
                 let run = run.clone();
@@ -481,7 +481,7 @@ impl<'a> ColumnWorker<'a> {
             let mut corners = 0;
             for (chain, ChannelForm { channel, form }) in chains.iter_mut().zip(channels) {
                 let items = self.solid.items(*channel);
-                // The offsets come before what they announce.
+                // Offsets come before the corners that they announce.
                 if *channel == Channel::Offset && self.shared.kept == SkinRule::Cells {
                     corners = items.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
                 }
@@ -498,7 +498,7 @@ impl<'a> ColumnWorker<'a> {
         Ok(())
     }
 
-    /// Swaps out what every brick of the tile has gathered.
+    /// Swaps out the gathered records of every brick of the tile.
     fn swap_out(&mut self) -> Result<(), BuildError> {
         let channels = self.shared.chains();
         for (at, brick) in self.bricks.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Why a build stops, as a value with its sentence.
+//! Errors of a build, as values with their sentences.
 
 use std::fmt;
 use std::io;
@@ -21,7 +21,7 @@ opaque_error! {
     BuildError(BuildFault)
 }
 
-/// Why, with its sentence.
+/// Fault of a build, with its sentence.
 #[derive(Debug, Error)]
 pub(crate) enum BuildFault {
     #[error(transparent)]
@@ -32,7 +32,7 @@ pub(crate) enum BuildFault {
     EmptyResult { name: String, sought: Criterion, min: f64, max: f64 },
     #[error("{}{fault}", named(.name))]
     Said {
-        /// The input; empty for a fault of the options alone.
+        /// Name of the input; empty for a fault of the options alone.
         name: String,
         fault: Fault,
     },
@@ -71,7 +71,7 @@ fn named(name: &str) -> String {
 }
 
 impl BuildError {
-    /// A cap that works, in bytes, if the memory was too small: for a volume the smallest.
+    /// A sufficient memory cap in bytes if the memory was too small: for a volume the smallest.
     pub fn minimum_bytes(&self) -> Option<u64> {
         match self.fault() {
             BuildFault::BudgetTooSmall { minimum_bytes, .. } => Some(*minimum_bytes),
@@ -87,7 +87,7 @@ impl BuildError {
         }
     }
 
-    /// Has the input nothing inside the range?
+    /// True if the input has nothing inside the range.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self.fault(), BuildFault::EmptyResult { .. } | BuildFault::NoNumbers { .. })
     }
@@ -103,7 +103,7 @@ impl BuildError {
         }
     }
 
-    /// The same error with a larger cap, that of the whole job.
+    /// The same error with a larger minimum, which counts the whole job.
     pub(crate) fn with_minimum(mut self, bytes: u64) -> Self {
         if let BuildFault::BudgetTooSmall { minimum_bytes, .. } = self.fault_mut() {
             *minimum_bytes = bytes.max(*minimum_bytes);
@@ -111,7 +111,7 @@ impl BuildError {
         self
     }
 
-    /// The same error with so much more held outside the cap that was too small.
+    /// The same error with `held_bytes` more memory held outside the cap that was too small.
     pub(crate) fn beside(mut self, held_bytes: u64) -> Self {
         if let BuildFault::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = self.fault_mut() {
             *limit_bytes = limit_bytes.saturating_add(held_bytes);
@@ -121,12 +121,12 @@ impl BuildError {
     }
 }
 
-/// A range without voxels.
+/// Criterion that leaves a range without voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Criterion {
-    /// Otsu's method does not give a range, because all values are equal.
+    /// Otsu's method: gives no range, because all values are equal.
     Split,
-    /// No value lies within the range.
+    /// A range: contains none of the values.
     Within(Selection),
 }
 
@@ -142,7 +142,7 @@ impl fmt::Display for Criterion {
     }
 }
 
-/// Damage of a scratch file that can be read; held by the [`io::Error`] of [`BuildFault::Scratch`].
+/// Damage of a scratch file that can still be read; held by the [`io::Error`] of [`BuildFault::Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub(crate) enum ScratchFault {
     #[error("its contents were changed by someone else")]

@@ -13,24 +13,24 @@
 //! | `label5`, 5x5x5, for two values | 1 | 0.58 / 1.12 | **0.76 / 1.72** | **2.51 / 9.32** | 1.03 / 2.16 | 21.2 / 44.1 | 3.10 / 10.9 |
 //! | `auto` | 3 | **0.31 / 0.55** | 0.77 / 1.89 | **2.51 / 9.32** | **0.44 / 1.43** | **4.27 / 10.5** | **0.98 / 2.43** |
 //!
-//! Two more were tried and are gone: Zucker's and Hummel's on 3x3x3 takes twice the time of `sobel` for larger errors (1.33
-//! / 2.61, 1.85 / 4.20, 7.23 / 18.8, 2.52 / 6.03, 5.71 / 15.5, 1.19 / 3.76: only the binary ball is 5 % better), and the
-//! derivative of a Gaussian of one voxel on 5x5x5 the time of `isotropic5` (0.54 / 1.05, 0.88 / 2.09, 3.92 / 12.3, 1.04 /
-//! 2.65, 11.6 / 28.7, 2.11 / 7.63: all means are larger).
+//! Two more were tried and removed: Zucker's and Hummel's on 3x3x3 takes twice the time of `sobel` for larger errors
+//! (1.33 / 2.61, 1.85 / 4.20, 7.23 / 18.8, 2.52 / 6.03, 5.71 / 15.5, 1.19 / 3.76: only the binary ball is 5 % better),
+//! and the derivative of a Gaussian of one voxel on 5x5x5 the time of `isotropic5` (0.54 / 1.05, 0.88 / 2.09, 3.92 /
+//! 12.3, 1.04 / 2.65, 11.6 / 28.7, 2.11 / 7.63: all means are larger).
 //!
 //! The signal at 40^3, next to its Nyquist limit: `central` and `auto` 26.0, `isotropic5` 60.6.
 //!
-//! So the default is the best of the fixed ones wherever a surface is smooth over some voxels and has grey levels, with
-//! noise and between thick slices, too; only where the surface bends within two or three voxels do two samples an axis
-//! see more, and where there are two values only the wider weights of `label5`. No fixed one is good at all of these.
-//! `auto` distinguishes them, at three times the time of normals (of the whole build about a fifth more), so that it is
-//! a choice and not the default. A Gaussian over 7x7x7 has 1.94 / 7.44 on the binary ball: 29 % less than `auto` on
+//! So the default is the best of the fixed ones wherever a surface is smooth over some voxels and has grey levels, also
+//! with noise and between thick slices; two samples an axis resolve more only where the surface bends within two or
+//! three voxels, and the wider weights of `label5` only where there are two values. No fixed one is good in all of
+//! these cases. `auto` distinguishes them, at three times the time of normals (about a fifth more for the whole build),
+//! so it is not the default. A Gaussian over 7x7x7 has 1.94 / 7.44 on the binary ball: 29 % less than `auto` on
 //! average, but the builder holds five slices.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// How normals are estimated.
+/// Estimator of normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Gradient {
@@ -38,24 +38,25 @@ pub enum Gradient {
     Central,
     /// Sobel's weights on 3x3x3.
     Sobel,
-    /// The separable 5x5x5 pair that turns with the surface: least error over all directions of a blurred ball.
+    /// The separable 5x5x5 pair of least error over all directions of a blurred ball.
     #[default]
     Isotropic5,
-    /// The paper's gradient over the neighbours within 5x5x5 (section 4). It states no weights; here all count alike,
-    /// as in a plane of least squares.
+    /// The paper's gradient over the neighbours within 5x5x5 (section 4). It states no weights; here all are equal, as
+    /// in a plane of least squares.
     Modified,
-    /// The separable 5x5x5 pair of least error where there are two values only: label maps, masks.
+    /// The separable 5x5x5 pair of least error for two values only: label maps, masks.
     Label5,
-    /// [`Gradient::Label5`] where there are two values only, elsewhere [`Gradient::Isotropic5`] where smoothing takes noise away, [`Gradient::Central`] where it takes the surface away.
+    /// [`Gradient::Label5`] for two values only, else [`Gradient::Isotropic5`] where smoothing removes noise,
+    /// [`Gradient::Central`] where it would blur the surface.
     Auto,
 }
 
 impl Gradient {
-    /// All of them.
+    /// All estimators.
     pub const ALL: [Self; 6] =
         [Self::Central, Self::Sobel, Self::Isotropic5, Self::Modified, Self::Label5, Self::Auto];
 
-    /// Its name on the command line and in the metadata.
+    /// Name on the command line and in the metadata.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Central => "central",
@@ -67,7 +68,7 @@ impl Gradient {
         }
     }
 
-    /// The one of this name.
+    /// The estimator of a name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|g| g.name() == name)
     }
@@ -80,7 +81,7 @@ impl fmt::Display for Gradient {
 }
 
 impl FromStr for Gradient {
-    /// The name that is not known.
+    /// The unknown name.
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -88,7 +89,7 @@ impl FromStr for Gradient {
     }
 }
 
-/// Weights of one product. Sums of 16-bit samples must fit 32 bits: the derivative's taps times the square of the
+/// Weights of one estimator. Sums of 16-bit samples must fit 32 bits: the derivative's taps times the square of the
 /// smoothing's sum is at most 32767.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taps {
@@ -102,11 +103,11 @@ pub(super) struct Taps {
 /// (0.013 degrees; a Gaussian of sigma 1: 0.35), rounded to small integers.
 const SMOOTH: [i8; 3] = [20, 13, 2];
 const DERIVE: [i8; 2] = [2, 1];
-/// The same along an axis with a much longer spacing than the finest: a surface passes more steeply
-/// through few slices there, which suits this flatter filter better (a ball sampled 1:1:2, stored normals:
-/// mean 0.51 to 0.38 degrees, 99th percentile 1.40 to 0.95).
+/// Smoothing along an axis with a much longer spacing than the finest: a surface passes more steeply through few slices
+/// there, which suits this flatter filter better (a ball sampled 1:1:2, stored normals: mean 0.51 to 0.38 degrees, 99th
+/// percentile 1.40 to 0.95).
 const SMOOTH_COARSE: [i8; 3] = [20, 15, 1];
-/// Spacing of a coarse axis, in units of the finest.
+/// Least spacing of a coarse axis, in units of the finest.
 const COARSE_FROM: f64 = 1.6;
 
 impl Taps {
@@ -127,13 +128,13 @@ impl Taps {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimate {
     pub(super) taps: Taps,
-    /// Reciprocal spacing of each axis, relative to the smallest: gradients in physical units. The sum of
-    /// an axis's own smoothing taps is in it, as its component is the only one not smoothed by them.
+    /// Reciprocal spacing of each axis, relative to the smallest: gradients in physical units. It includes the sum of
+    /// the axis's own smoothing taps, as its component is the only one not smoothed by them.
     pub(super) per_spacing: [f32; 3],
 }
 
 impl Estimate {
-    /// That of a name; of [`Gradient::Auto`] the one for smooth surfaces.
+    /// The estimate of an estimator; for [`Gradient::Auto`], the one for smooth surfaces.
     pub(super) fn new(gradient: Gradient, spacing_mm: [f64; 3]) -> Self {
         let smallest = spacing_mm.iter().copied().fold(f64::INFINITY, f64::min);
         let taps = match gradient {
@@ -141,7 +142,7 @@ impl Estimate {
             Gradient::Sobel => Taps::alike([2, 1, 0], [1, 0]),
             Gradient::Modified => Taps::alike([1, 1, 1], [1, 2]),
             // The best of 500 pairs of small integers, by the mean and the 99th percentile on balls of radius 20 and 40
-            // and on planes at random.
+            // and on random planes.
             Gradient::Label5 => Taps::alike([20, 18, 7], [1, 2]),
             Gradient::Isotropic5 | Gradient::Auto => {
                 let smooth =

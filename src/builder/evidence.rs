@@ -1,4 +1,4 @@
-//! Counts of a pass over a volume that tell paddings and maps of labels from a mixture of values.
+//! Counts of a pass over a volume that tell padding and maps of labels from a mixture of values.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -7,7 +7,7 @@ use super::range::Ordered;
 use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeSource};
 
-/// A value at an end of the range, and how often it is there.
+/// A value at an end of the range, and its number of samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct End {
     pub(super) value: f64,
@@ -15,7 +15,7 @@ pub(super) struct End {
 }
 
 impl End {
-    /// Another sample, or several of one value: what lies farther out takes its place.
+    /// Adds a sample, or several of one value; a value farther out replaces the current one.
     #[inline]
     pub(super) fn add(&mut self, other: End, is_farther: bool) {
         if is_farther {
@@ -26,38 +26,38 @@ impl End {
     }
 }
 
-/// Counts of a pass that tell paddings and labels from a mixture. What has become impossible is not counted any more.
+/// Counts of a pass that tell padding and labels from a mixture. Counting stops for a case that has become impossible.
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
-    /// May there still be labels, and padding?
+    /// Set while the samples may still be labels, and while they may still hold padding.
     pub(super) may_be_map: bool,
     pub(super) may_be_padded: bool,
-    /// Parts whose neighbours were counted.
+    /// Parts with counted neighbours.
     pub(super) parts: u64,
-    /// Samples outside the circle, or ellipse, that a slice has room for, in the whole volume; those seen so far, and the
-    /// ends of their range.
+    /// Samples outside the ellipse inscribed in a slice: in the whole volume, and seen so far, with the ends of their
+    /// range.
     pub(super) all_outside: u64,
     pub(super) outside: u64,
     pub(super) least: End,
     pub(super) most: End,
     /// The smallest value above 0.
     pub(super) first: f64,
-    /// Neighbours that are alike, but for those of 0; and those that differ.
+    /// Neighbours with the same value other than 0, and neighbours with different values.
     pub(super) alike: u64,
     pub(super) differ: u64,
-    /// Of those that differ, the ones of 0 and another value than the smallest that has 0 for a neighbour.
+    /// Neighbours that differ, one of them 0 and the other not the smallest value next to a 0.
     pub(super) jumps: u64,
     pub(super) nearest: End,
-    /// Samples at the ends of rows of the volume, and those of them that are 0.
+    /// Samples at the ends of the volume's rows, and those among them that are 0.
     pub(super) rim: u64,
     pub(super) rim_zeros: u64,
-    /// Places of pairs, and those where the sample next to either has its value, too: not stored, as slices are looked at
+    /// Number of pairs seen, and number of those with an equal sample next to either: not stored, as slices are read
     /// again.
     pub(super) steps: u64,
     pub(super) wide: u64,
-    /// Pairs of values that are neighbours, in order.
+    /// Pairs of neighbouring values, in order.
     pub(super) pairs: Vec<Pair>,
-    /// True if there are more of them than [`MAX_PAIRS`].
+    /// Set if there are more pairs than [`MAX_PAIRS`].
     pub(super) is_crowded: bool,
 }
 
@@ -68,13 +68,12 @@ pub(super) const EVIDENCE_WORDS: usize = 15;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {
     pub(super) values: [u64; 2],
-    /// Places where they are, of the first [`PAIRS_OF_PART`] of each part; and those where the sample next to either has
-    /// its value, too.
+    /// Occurrences among the first [`PAIRS_OF_PART`] of each part; and those with an equal sample next to either.
     pub(super) count: u64,
     pub(super) clean: u64,
-    /// Single samples of one of them between two of the other.
+    /// Single samples of one value between two of the other.
     pub(super) spikes: u64,
-    /// Runs of the lower value between the higher one and a value below it, and their samples in all.
+    /// Runs of the lower value between the higher one and a value below it, and their total of samples.
     pub(super) passes: u64,
     pub(super) length: u64,
 }
@@ -89,62 +88,62 @@ impl Pair {
     }
 }
 
-/// Pairs of values that are told apart, and places of a part that are looked at.
+/// Most pairs of values that are told apart, and most places of a part that are tested.
 pub(super) const MAX_PAIRS: usize = 1024;
 const PAIRS_OF_PART: usize = 2048;
 
-/// A part of outside samples that are padding, at least; a part of those within that are, at most.
+/// Least share of padding among the outside samples, and greatest share among the inside ones.
 const OUTSIDE: f64 = 0.95;
 const WITHIN: f64 = 0.1;
-/// Distance of padding to all other values, as a part of the whole range, at least. What is nearer does no harm.
+/// Least distance of padding from all other values, as a part of the whole range. Closer padding does no harm.
 const APART: f64 = 0.15;
-/// One of so many samples at either end of the others does not count.
+/// One in this many samples at either end of the others is ignored.
 const STRAY: u64 = 1000;
-/// Values of a mixture, at least.
+/// Least number of values of a mixture.
 const FEW: usize = 16;
 /// Shortest side of a slice that has a circle.
 const ROUND: u32 = 16;
 
-/// Labels of a map, at most.
+/// Most labels of a map.
 pub(super) const MAX_LABELS: usize = 1024;
-/// Parts of the pairs of neighbours outside 0 that are alike in a map of labels, at least; and of those that differ
-/// that jump to 0 from a value that is not the nearest to it. A picture in few greys has as wide regions, but one after
-/// the other.
+/// Least share of equal pairs among neighbours outside 0 in a map of labels; and least share, among neighbours that
+/// differ, of jumps to 0 from a value that is not the nearest to it. A picture in few greys has regions as wide, but in
+/// sequence.
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
-/// Flat part of maps whose labels lie in each other in any order, and the part of the differences that skip values between
-/// them with more than a sample on either side: a picture's edges pass through these greys.
+/// Least flat share of maps whose labels are nested in any order, and least share of the differences that skip
+/// intermediate values with more than a sample on either side: a picture's edges pass through these greys.
 const NESTED_FLAT: f64 = 0.5;
 const SKIPS: f64 = 0.1;
-/// The same where labels lie in each other in order: hardly any skips; the flat part where the steps between the values
-/// are even, as those of greys; the part of the ends of rows that are 0; and labels, at most.
+/// Limits for labels nested in order: greatest share of skips; least flat share where the steps between the values are
+/// even, as in greys; least share of 0 at the ends of rows; and most labels.
 const NO_SKIPS: f64 = 0.05;
 const EVEN_FLAT: f64 = 0.73;
 const RIM: f64 = 0.9;
 const ORDERED: usize = 16;
-/// Part of the differences of a map that have a flat side before and behind, at least.
+/// Least share of a map's differences that have a flat side before and behind.
 const HARD: f64 = 0.2;
-/// Greys of a display in even steps reach this far.
+/// Greatest value of a display's greys in even steps.
 const DISPLAY: u64 = 250;
-/// Part of the differences that are next to single samples unlike both neighbours, as in noise, at most where little is
-/// flat; two values that meet in this way alone, and their part of the differences, at most.
+/// Greatest share of the differences next to single samples unlike both neighbours, as in noise, where little is flat;
+/// greatest share of two values that meet in this way alone.
 const SPIKES: f64 = 0.25;
 const ROUGH_FLAT: f64 = 0.75;
 const ALL_SPIKES: f64 = 0.8;
 const NOISE: f64 = 0.05;
 
-/// Values of a ramp of greys, at least; the part of its differences that are at 0, at most; and the most by which a band
-/// is wider than the next.
+/// Least number of values of a ramp of greys; greatest share of its differences that are at 0; and greatest ratio of a
+/// band's width to the next one's.
 const RAMP: usize = 8;
 const AT_ZERO: f64 = 0.4;
 const SMOOTH: f64 = 1.75;
 
-/// Few whole numbers in flat regions.
+/// Kind of a volume with few integers in flat regions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Levels {
-    /// So many labels besides 0.
+    /// Number of labels besides 0.
     Labels(usize),
-    /// So many greys.
+    /// Number of greys.
     Greys(usize),
 }
 
@@ -154,14 +153,14 @@ fn is_even(values: &[u64]) -> bool {
     steps().max().unwrap_or(0) < 2 * steps().min().unwrap_or(0)
 }
 
-/// May the samples of a source be labels? A picture that a device has taken holds none, however few its greys are, and
-/// parts of voxels are not labels.
+/// True if the samples of a source may be labels. A picture taken by a device holds none, however few its greys are,
+/// and partial volumes are not labels.
 pub(super) fn may_be_map(source: &dyn VolumeSource) -> bool {
     let is_fractional = source.info().description.kind.is_fractional();
     !is_fractional && source.modality().is_none_or(|modality| modality == "SEG")
 }
 
-/// Are all samples whole numbers, and none below 0?
+/// True if all samples are whole numbers of at least 0.
 pub(super) fn are_whole<T: Ordered>(samples: &[T]) -> bool {
     match T::TYPE {
         ScalarType::U8 | ScalarType::U16 | ScalarType::U32 => true,
@@ -175,7 +174,7 @@ pub(super) fn are_whole<T: Ordered>(samples: &[T]) -> bool {
     }
 }
 
-/// How many columns at either end of a line lie outside the ellipse of a slice, one less to spare.
+/// Number of columns at either end of a line outside the ellipse of a slice, one less for safety.
 pub(super) fn columns_outside(dims: Dims, y: u32) -> u32 {
     let down = (f64::from(y) + 0.5) / f64::from(dims.ny()) - 0.5;
     let across = f64::from(dims.nx()) * (0.5 - (0.25 - down * down).max(0.0).sqrt());
@@ -184,7 +183,7 @@ pub(super) fn columns_outside(dims: Dims, y: u32) -> u32 {
     ends
 }
 
-/// The samples of a volume that lie outside; 0 if its slices are too narrow.
+/// Number of a volume's samples outside the ellipse; 0 if its slices are too narrow.
 pub(super) fn outside_samples(dims: Dims) -> u64 {
     if dims.nx().min(dims.ny()) < ROUND {
         return 0;
@@ -237,7 +236,7 @@ impl Evidence {
         other.pairs.iter().for_each(|pair| self.add_pair(*pair));
     }
 
-    /// Adds a pair, or places of one; what is crowded has none.
+    /// Adds a pair, or more places of one; pairs are dropped once they are crowded.
     pub(super) fn add_pair(&mut self, pair: Pair) {
         match self.pairs.binary_search_by_key(&pair.values, |pair| pair.values) {
             Ok(at) => {
@@ -290,8 +289,8 @@ impl Evidence {
         }
     }
 
-    /// Neighbours along rows, or down a part of one column. `counted` is what was counted before, of which a map has few
-    /// values.
+    /// Counts neighbours along rows, or down a part of one column. `counted` holds the counts before, which have few
+    /// values in a map.
     pub(super) fn add_edges<T: Ordered>(&mut self, part: &Part, samples: &[T], counted: &[u32]) {
         let Some(first) = samples.first().filter(|_| self.may_be_map) else { return };
         self.parts += 1;
@@ -323,14 +322,14 @@ impl Evidence {
         self.first = smallest.map_or(self.first, |smallest| self.first.min(smallest.to_f64()));
         if jumps > 0 {
             for (a, b) in neighbours().filter(|(a, b)| is_jump(a, b)) {
-                // Neither is below 0.
+                // Both values are at least 0.
                 let other = a.to_f64().max(b.to_f64());
                 self.nearest.add(End { value: other, count: 1 }, other < self.nearest.value);
             }
         }
     }
 
-    /// The pairs of values in the rows of a part, and the ends of rows of the volume.
+    /// Counts the pairs of values in the rows of a part, and the ends of the volume's rows.
     pub(super) fn add_rows<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
         let (Range { start, end }, mut left) = (part.columns.clone(), PAIRS_OF_PART);
         if !self.may_be_map {
@@ -346,7 +345,7 @@ impl Evidence {
         }
     }
 
-    /// The pairs of a row of whole numbers, `left` of them at most.
+    /// Counts the pairs in a row of whole numbers, at most `left`.
     pub(super) fn add_pairs<T: Ordered>(&mut self, row: &[T], left: &mut usize) {
         let mut last = None;
         for (at, w) in row.windows(2).enumerate().filter(|(_, w)| w[0] != w[1]).take(*left) {
@@ -375,7 +374,7 @@ impl Evidence {
         }
     }
 
-    /// Samples of a part that lie outside.
+    /// Counts the samples of a part that lie outside the ellipse.
     pub(super) fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
         if !self.may_be_padded {
             return;
@@ -384,25 +383,25 @@ impl Evidence {
         for (row, y) in samples.chunks(part.columns.len().max(1)).zip(part.lines.clone()) {
             let ends = columns_outside(dims, y);
             let Range { start, end } = part.columns;
-            // Columns of this part at the low end, and those from the high end on.
+            // Columns of this part before the low end, and those from the high end on.
             let low = ends.clamp(start, end) - start;
             let high = (nx - ends).clamp(start + low, end) - start;
             for samples in [row.get(..low as usize), row.get(high as usize..)].into_iter().flatten() {
                 self.add_run(samples);
             }
         }
-        // Too many others than either end of the range for what is wanted of all.
+        // Padding is ruled out if too many samples differ from either end of the range.
         let most = self.all_outside as f64 * (1.0 - OUTSIDE);
         let others = |end: &End| (self.outside - end.count) as f64;
         self.may_be_padded = others(&self.least).min(others(&self.most)) <= most + 1.0;
     }
 
-    /// Samples outside, one after the other.
+    /// Counts a run of samples outside the ellipse.
     pub(super) fn add_run<T: Ordered>(&mut self, samples: &[T]) {
         let Some(first) = samples.first() else { return };
         self.outside += samples.len() as u64;
         let of = |value: T| samples.iter().map(|sample| u64::from(*sample == value)).sum::<u64>();
-        // What is not a number is neither.
+        // NaN is neither end.
         let is_number = |value: T| T::NO_NUMBER.is_none() || !value.to_f64().is_nan();
         let (mut low, mut high) = (*first, *first);
         for sample in samples {
@@ -415,10 +414,10 @@ impl Evidence {
         self.most.add(most, most.value > self.most.value);
     }
 
-    /// The number of labels, if these are some, or of greys that would be labels but for their even steps; `values` are as
-    /// many as there are different samples.
+    /// The number of labels, or of greys that would be labels but for their even steps; `None` for a mixture. `values`
+    /// is the number of different samples.
     pub(super) fn labels(&self, values: usize) -> Option<Levels> {
-        // Two values are told apart by any threshold between them.
+        // Any threshold between two values tells them apart.
         if !self.may_be_map || !(3..=MAX_LABELS + 1).contains(&values) {
             return None;
         }
@@ -432,8 +431,9 @@ impl Evidence {
         is_map.then_some(levels)
     }
 
-    /// True if values in even steps follow each other in order, hardly any but the first beside 0, in bands whose widths
-    /// change little from one to the next: a ramp of greys. Few greys cannot be told from labels that lie in each other.
+    /// True for a ramp of greys: values in even steps that follow each other in order, with hardly any but the first
+    /// next to 0, in bands whose widths change little from one to the next. Few greys cannot be told from nested
+    /// labels.
     fn is_ramp(&self, all: u64) -> bool {
         let values: Vec<u64> = self.values().into_iter().collect();
         let place = |value: &u64| values.partition_point(|other| other < value);
@@ -458,13 +458,13 @@ impl Evidence {
             && changes.all(|change| (1.0 / SMOOTH..=SMOOTH).contains(&change))
     }
 
-    /// True if values change where either side is flat, as labels do, and not by way of values between them, as the edges
-    /// of a mask that is soft.
+    /// True if values change where either side is flat, as labels do, and not through intermediate values, as at the
+    /// edges of a soft mask.
     pub(super) fn is_hard(&self) -> bool {
         part(self.wide, self.steps) >= HARD
     }
 
-    /// True if the values lie in each other as labels do, in any order or in that of their numbers.
+    /// True if the values are nested as labels are, in any order or in the order of their numbers.
     pub(super) fn are_nested(&self, flat: f64, all: u64) -> bool {
         let values: Vec<u64> = self.values().into_iter().collect();
         let rank = |value: &u64| values.partition_point(|other| other < value);
@@ -492,7 +492,7 @@ impl Evidence {
         self.pairs.iter().flat_map(|pair| pair.values).collect()
     }
 
-    /// The bin of a value that pads what lies outside the circle.
+    /// The bin of a value that pads the outside of the circle.
     pub(super) fn padding(&self, counts: &[u64], value: &dyn Fn(usize) -> f64) -> Option<usize> {
         let total: u64 = counts.iter().sum();
         let first = counts.iter().position(|n| *n > 0)?;
@@ -520,15 +520,15 @@ impl Evidence {
     }
 }
 
-/// Hounsfield units below all that a CT measures, and the range of air; parts of all samples that are padding, and of the
-/// others that are air, at least.
+/// Hounsfield units below the range of a CT, and the range of air; least share of padding among all samples, and least
+/// share of air among the others.
 const BELOW_AIR: f64 = -1100.0;
 const AIR: Range<f64> = BELOW_AIR..-850.0;
 const PADS: f64 = 0.01;
 const HAS_AIR: f64 = 0.1;
 
-/// The bin of a value that is below all that a CT measures, in a volume that holds air, too: it pads what the scanner did
-/// not see, wherever that is. A body that was cut out of its picture has no air around it. `hu` is the physical value.
+/// The bin of a value below the range of a CT, in a volume that also holds air: it pads the unscanned region, wherever
+/// that is. A body that was cut out of its picture has no air around it. `hu` is the physical value.
 pub(super) fn below_air(
     counts: &[u64],
     hu: &dyn Fn(usize) -> f64,
@@ -550,12 +550,12 @@ pub(super) fn below_air(
     (is_apart && pads).then_some(first)
 }
 
-/// One number as a part of another.
+/// Ratio of two numbers.
 pub(super) fn part(of: u64, all: u64) -> f64 {
     of as f64 / (all.max(1) as f64)
 }
 
-/// Where samples that a worker is given lie.
+/// Position of the samples that a worker is given.
 pub(super) struct Part {
     pub(super) columns: Range<u32>,
     pub(super) lines: Range<u32>,

@@ -1,4 +1,4 @@
-//! Solids that are made of files, built within what making them leaves.
+//! Solids made of files, built in the memory that is left.
 
 use std::path::Path;
 
@@ -7,12 +7,12 @@ use super::parts::PartId;
 use super::{BuildError, BuildOptions, BuildReport, Progress, Solid};
 use crate::budget::MemoryCap;
 
-/// A solid that was made of files, and what that took.
+/// A solid made of files, with the time and memory that this took.
 pub struct FileSolid<'a> {
     pub(crate) solid: Box<dyn Solid + 'a>,
     pub(crate) held_bytes: u64,
     pub(crate) scratch_bytes: u64,
-    /// Seconds of reading files, and of all that came before the build, that included.
+    /// Seconds of reading files, and seconds of all work before the build, reading included.
     pub(crate) reading_s: f64,
     pub(crate) making_s: f64,
 }
@@ -21,7 +21,7 @@ impl FileSolid<'_> {
     /// Builds its model.
     ///
     /// # Errors
-    /// As [`super::build_solid`].
+    /// The errors of [`super::build_solid`].
     pub fn build(
         &self,
         options: &BuildOptions,
@@ -34,7 +34,7 @@ impl FileSolid<'_> {
     /// Builds its model, or a part of it.
     ///
     /// # Errors
-    /// As [`super::build_solid`].
+    /// The errors of [`super::build_solid`].
     pub(crate) fn build_part(
         &self,
         options: &BuildOptions,
@@ -42,7 +42,7 @@ impl FileSolid<'_> {
         part: Option<&PartId>,
         progress: &dyn Progress,
     ) -> Result<BuildReport, BuildError> {
-        // In a share the memory of the solid is counted here only.
+        // With a share, only this part of the cap counts the memory of the solid.
         let (memory, held) = match options.memory {
             MemoryCap::Share(bytes) => {
                 (MemoryCap::Share(bytes.saturating_sub(self.held_bytes)), self.held_bytes)

@@ -1,10 +1,10 @@
 //! Normals from a 5x5x5 neighbourhood, at skin voxels only (the paper, section 4: the modified
 //! gradient method; the taps are chosen by measurement, see `estimator` and `tests/it/normals.rs`).
 //!
-//! Kernels are separable: along the differentiated axis the taps of the derivative, along the other two those of the
-//! smoothing. All sums are IEEE single in one fixed order, so results do not depend on the machine, the
-//! instruction set or the way voxels are grouped: a window of 16 samples gives 12 neighbouring voxels
-//! at once, a window of 8 gives 4, each lane with the same operations.
+//! Kernels are separable: along the differentiated axis the taps of the derivative, along the other two the taps of the
+//! smoothing. All sums are IEEE single in one fixed order, so results do not depend on the machine, the instruction set
+//! or the grouping of voxels: a window of 16 samples gives 12 neighbouring voxels at once, a window of 8 gives 4, each
+//! lane with the same operations.
 
 use super::estimator::{Estimate, Gradient, Taps};
 use super::lanes::{RingSample, rows_of, shifted, zero};
@@ -14,10 +14,10 @@ use crate::format::normal;
 use bytemuck::Zeroable as _;
 
 pub(super) const REACH: u32 = 2;
-/// Samples of a wide and a narrow window.
+/// Samples of a wide and of a narrow window.
 const WIDE: usize = 2 * OCTET;
 const NARROW: usize = OCTET;
-/// Samples that a window may touch beyond the last one it needs.
+/// Samples that a window may read beyond the last one it needs.
 pub(super) const OVERREAD: usize = WIDE;
 /// Most voxels of one brick in one slice.
 pub(super) const SLICE_VOXELS: usize = 32 * 32;
@@ -28,7 +28,7 @@ type Axes = [[f32; SLICE_VOXELS]; 3];
 /// Gradients of one brick in one slice.
 pub(super) struct Gradients {
     axes: Axes,
-    /// Those of the two small estimators that [`Gradient::Auto`] compares with.
+    /// Gradients of the two small estimators that [`Gradient::Auto`] compares with.
     small: Option<Box<[Axes; 2]>>,
 }
 
@@ -45,15 +45,15 @@ pub(super) struct SliceWindow<'a, R> {
     pub(super) planes: [&'a [R]; 5],
     /// Samples from one row to the next.
     pub(super) stride: usize,
-    /// Sample of the brick's x = 0, y = 0 in a plane.
+    /// Index in a plane of the brick's sample at x = 0, y = 0.
     pub(super) origin: usize,
-    /// Skin voxels of each row.
+    /// Mask of the skin voxels of each row.
     pub(super) skin: &'a [u32; 32],
-    /// Those of them whose whole neighbourhood lies in the volume.
+    /// Mask of the skin voxels whose whole neighbourhood lies in the volume.
     pub(super) interior: &'a [u32; 32],
 }
 
-/// Computes the gradients of all interior skin voxels; slots of the others are left as they are.
+/// Computes the gradients of all interior skin voxels; slots of the others are left unchanged.
 fn gradients<R: RingSample>(window: &SliceWindow<'_, R>, estimate: &Estimate, out: &mut Axes) {
     dispatch(GradientKernel { window, taps: estimate.taps, out });
 }
@@ -157,7 +157,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     out
 }
 
-/// Copies the lanes that are wanted to their voxels' slots and says which voxels are done.
+/// Copies the wanted lanes to their voxels' slots and returns the voxels that are done.
 #[inline(always)]
 fn store<const N: usize>(
     out: &mut Axes,
@@ -208,9 +208,9 @@ pub(super) struct NormalRule {
     label: Estimate,
 }
 
-/// Where 5x5x5 turns normals by more than this part of what 3x3x3 does, by the squares of the angles, it is the surface
-/// that bends. Of a ball the part is 0.05 to 0.09, with noise, without grey levels and between thick slices, too; of
-/// Marschner and Lobb's signal 1 to 2.
+/// Ratio, in squared angles, of the turn of normals by 5x5x5 to the turn by 3x3x3 from which the surface counts as
+/// bent. A ball has 0.05 to 0.09, also with noise, without grey levels and between thick slices; Marschner and Lobb's
+/// signal has 1 to 2.
 const BENDS_FROM: f64 = 0.3;
 
 impl NormalRule {
@@ -220,18 +220,18 @@ impl NormalRule {
         Self { usual: estimate(gradient), small, label: estimate(Gradient::Label5) }
     }
 
-    /// Bytes of [`Gradients`] beyond what every rule takes.
+    /// Bytes of [`Gradients`] beyond what every rule needs.
     pub(super) fn more_bytes(gradient: Gradient) -> u64 {
         if gradient == Gradient::Auto { size_of::<[Axes; 2]>() as u64 } else { 0 }
     }
 
-    /// Computes the gradients of the interior voxels of a brick slice, and says which estimator was taken.
+    /// Computes the gradients of the interior voxels of a brick slice, and returns the estimator that was taken.
     ///
-    /// [`Gradient::Auto`] decides for the slice of a brick as a whole, the same 32 x 32 voxels in every build. Where
-    /// there are two values only, all is said by where they meet, and the widest weights are best. Else: from
-    /// two samples an axis to 3x3x3, and from there to 5x5x5, noise is averaged out less and less, but a surface that
-    /// bends is blurred more and more: so the second turn of the normals is small against the first where there is
-    /// noise (or steps, or a smooth surface), and great where the surface bends.
+    /// [`Gradient::Auto`] decides for the slice of a brick as a whole, the same 32 x 32 voxels in every build. For two
+    /// values only, the surface is known only by where they meet, and the widest weights are best. Else: from two
+    /// samples an axis to 3x3x3, and from there to 5x5x5, the gain against noise becomes less, but a surface that bends
+    /// is blurred more: so the second turn of the normals is small against the first with noise (or steps, or a smooth
+    /// surface), and great where the surface bends.
     pub(super) fn estimate<R: RingSample>(
         &self,
         window: &SliceWindow<'_, R>,
@@ -259,7 +259,7 @@ impl NormalRule {
                 };
                 let middle = n(&axes[1], sobel);
                 let turns = [n(&axes[0], central), n(&out.axes, &self.usual)].map(|v| turn(v, middle));
-                // Without a direction there is nothing to compare.
+                // Vectors without a direction cannot be compared.
                 if let [Some(first), Some(second)] = turns {
                     (to_3, to_5) = (to_3 + first, to_5 + second);
                 }
@@ -275,11 +275,11 @@ impl NormalRule {
 
     /// Writes the codes of a brick slice's skin voxels to `codes`, in the order of the gradients.
     ///
-    /// Outward is against the gradient of depth. `repair` gives the gradient of the voxel in row y,
-    /// column x where the fast kernel could not: not interior, or not finite. A normal against the exposed
-    /// faces is mirrored to their side: the voxel is the far side of something thin, or a pit in noise. Where the
-    /// gradient vanishes, the sum of the exposed faces' directions stands in, and should that vanish too (a
-    /// plate one voxel thick), the first exposed axis: never a zero normal, never one into the model.
+    /// Outward is against the gradient of depth. `repair` gives the gradient of the voxel in row y, column x where the
+    /// fast kernel could not: not interior, or not finite. A normal against the exposed faces is mirrored to their
+    /// side: the voxel is the far side of something thin, or a pit in noise. Where the gradient vanishes, the sum of
+    /// the exposed faces' directions replaces it, and if that vanishes as well (a plate one voxel thick), the first
+    /// exposed axis: never a zero normal, never one into the model.
     pub(super) fn codes<R>(
         estimate: &Estimate,
         window: &SliceWindow<'_, R>,
@@ -303,7 +303,7 @@ impl NormalRule {
                 let e = OUTWARD[usize::from(open)];
                 let mut n: [f32; 3] = std::array::from_fn(|a| -g.axes[a][slot] * estimate.per_spacing[a]);
                 let dot = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
-                // Not so for a border voxel (its `e` is NaN), a vanishing, inward or infinite gradient.
+                // False for a border voxel (its `e` is NaN), a vanishing, inward or infinite gradient.
                 if !(dot > 0.0 && dot < f32::INFINITY) {
                     n = unusual(estimate, n, open, || repair(y, x));
                 }
@@ -317,7 +317,7 @@ impl NormalRule {
     }
 }
 
-/// Are there no more than two values around the interior voxels? Grey levels say no at the first voxel.
+/// True if there are at most two values around the interior voxels. With grey levels the loop ends at the first voxel.
 fn has_two_values<R: RingSample>(window: &SliceWindow<'_, R>) -> bool {
     let mut values: [Option<R>; 2] = [None; 2];
     for (y, interior) in window.interior.iter().enumerate().filter(|(_, interior)| **interior != 0) {
@@ -340,7 +340,8 @@ fn has_two_values<R: RingSample>(window: &SliceWindow<'_, R>) -> bool {
     true
 }
 
-/// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the voxel's faces.
+/// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the mask of the voxel's exposed
+/// faces.
 #[cold]
 fn unusual(estimate: &Estimate, n: [f32; 3], open: u8, repair: impl Fn() -> [f32; 3]) -> [f32; 3] {
     let finite = |v: [f32; 3]| (v[0] + v[1] + v[2]).is_finite();
@@ -363,7 +364,8 @@ fn unusual(estimate: &Estimate, n: [f32; 3], open: u8, repair: impl Fn() -> [f32
     std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
 }
 
-/// The square of the angle between two vectors, about: twice one less its cosine; `None` if one has no direction.
+/// Approximate square of the angle between two vectors: twice one less its cosine; `None` for a vector without
+/// direction.
 fn turn(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let lengths = (dot(a, a) * dot(b, b)).sqrt();
@@ -371,7 +373,7 @@ fn turn(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     turn.is_finite().then_some(turn)
 }
 
-/// Index bit of voxels outside the interior, after those of the six faces.
+/// Index bit of voxels outside the interior, above the bits of the six faces.
 const BORDER: u8 = 1 << 6;
 
 /// Sum of the directions of the exposed faces, by the six bits of their mask; NaN for border voxels.
@@ -390,7 +392,7 @@ const OUTWARD: [[f32; 3]; 128] = {
     table
 };
 
-/// Eight bits to the lowest bits of eight bytes.
+/// Eight bits spread to the lowest bits of eight bytes.
 const SPREAD_TO_BYTES: [u64; 256] = {
     let mut table = [0; 256];
     let mut bits = 0;
@@ -406,7 +408,7 @@ const SPREAD_TO_BYTES: [u64; 256] = {
 };
 
 impl Exposed {
-    /// Voxel by voxel: bit f set where face f is exposed, and [`BORDER`] where `border` is set.
+    /// Mask of each voxel: bit f set for exposed face f, and [`BORDER`] where `border` is set.
     #[inline(always)]
     fn by_voxel(&self, border: u32) -> [u8; 32] {
         let mut out = [0; 32];
@@ -422,7 +424,7 @@ impl Exposed {
     }
 }
 
-/// Normals of a brick slice's skin voxels as they are stored.
+/// Normals of a brick slice's skin voxels, as stored.
 pub(super) struct Codes {
     code: [u16; SLICE_VOXELS],
 }
@@ -432,7 +434,7 @@ impl Codes {
         Box::new(Self { code: [0; SLICE_VOXELS] })
     }
 
-    /// Items of `NORM` of the first `count`.
+    /// Items of `NORM` for the first `count` voxels.
     pub(super) fn codes(&self, count: usize) -> &[u8] {
         bytemuck::cast_slice(&self.code[..count])
     }

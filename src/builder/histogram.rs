@@ -1,7 +1,7 @@
 //! Value statistics in streamed passes: extremes, and Otsu's threshold from an exact histogram.
 //!
-//! Otsu's method takes values for a mixture of two kinds. Two sorts of volumes differ from that: those that a scanner has
-//! padded outside the circle that it reconstructs, and maps of labels. Counts of the same pass recognise them
+//! Otsu's method takes values for a mixture of two kinds. Two sorts of volumes differ from that: those padded by the
+//! scanner outside its reconstruction circle, and maps of labels. Counts of the same pass recognise them
 //! ([`Evidence`]).
 
 use std::sync::Mutex;
@@ -21,20 +21,20 @@ use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
 pub(super) const BINS: usize = 1 << 16;
-/// Bytes that a worker reads at a time, and that its counts take.
+/// Bytes that a worker reads at a time.
 const READ_BYTES: usize = 256 << 10;
-/// Bytes that a worker reads at a time when it looks for extremes. Below the size from which the C library's
-/// allocator maps a buffer of its own: freeing a mapped one raises that size, and the larger buffers of the
-/// counting pass would then stay resident after it, at the expense of the scan.
+/// Bytes that a worker reads at a time for the extremes. Smaller than the size from which the C library's allocator
+/// maps a buffer of its own: freeing a mapped one raises that size, and the larger buffers of the counting pass would
+/// then stay resident after it, at the expense of the scan.
 const EXTREMES_READ_BYTES: usize = 64 << 10;
 const _: () = assert!(EXTREMES_READ_BYTES < MAPPED_FROM);
 /// Memory of one worker, and of the shared sum.
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS + MAX_PAIRS * size_of::<Pair>()) as u64;
 pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
-// The smallest plan is enough for a threshold that is still to be found, too.
+// The smallest plan also suffices for a threshold that is still to be found.
 const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
 
-/// Smallest and largest sample of a share of the volume that is a finite number, or `None` if there is none.
+/// Smallest and largest finite sample of a share of the volume; `None` without finite samples.
 pub(super) fn extremes(
     source: &dyn VolumeSource,
     share: Share,
@@ -59,7 +59,7 @@ pub(super) fn extremes(
     Ok((min <= max).then_some((min, max)))
 }
 
-/// Widens extremes by the samples that are finite numbers.
+/// Widens extremes by the finite samples.
 fn widen<T: Ordered>(seen: &mut (f64, f64), samples: &[u8]) {
     for sample in bytemuck::cast_slice::<u8, T>(samples) {
         let v = sample.to_f64();
@@ -69,58 +69,58 @@ fn widen<T: Ordered>(seen: &mut (f64, f64), samples: &[u8]) {
     }
 }
 
-/// What a histogram says of a volume.
+/// Result of a histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
     /// Otsu's threshold in sample units: the sample value `t` that maximises the variance between the classes `< t` and
     /// `>= t`, padding left out.
     pub(super) at: f64,
-    /// What the volume is, if it is not a mixture of two kinds of values.
+    /// Kind of the volume's values.
     pub(super) kind: Kind,
 }
 
-/// Of what kind the values are.
+/// Kind of a volume's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
-    /// A mixture.
+    /// A mixture of two kinds of values.
     Values,
-    /// Few greys, which lie in each other as labels may.
+    /// Few greys, nested as labels may be.
     Greys {
-        /// How many there are.
+        /// Number of greys.
         count: usize,
     },
-    /// One besides a value that is outside the circle.
+    /// A mixture, and a value that pads the outside of the circle.
     Padded {
         /// The padding.
         value: f64,
     },
-    /// Labels, 0 for none.
+    /// Labels, with 0 as background.
     Labels {
-        /// How many there are.
+        /// Number of labels.
         count: usize,
-        /// The smallest of them.
+        /// The smallest label.
         first: f64,
     },
 }
 
-/// Are the extremes of the samples needed before they can be counted? Types of 8 and 16 bits are counted exactly.
+/// True if samples need their extremes before they are counted. Types of 8 and 16 bits are counted exactly.
 pub(super) fn needs_extremes(scalar: ScalarType) -> bool {
     scalar.bytes() > 2
 }
 
-/// Where the bins of a histogram lie, in samples.
+/// Position of the bins of a histogram, in samples.
 #[derive(Clone, Copy)]
 pub(super) enum Bins {
-    /// From `low` on, each `width` wide.
+    /// Bins from `low` on, each `width` wide.
     From { low: f64, width: f64 },
     /// Values so close that no bin can tell them apart: the largest is the upper class.
     TooClose { max: f64 },
-    /// All values are alike, or none is a number.
+    /// All values are equal, or all are NaN.
     Alike,
 }
 
 impl Bins {
-    /// The bins for samples of a type with these extremes, which wide types need.
+    /// The bins for samples of a type; wide types need their extremes.
     pub(super) fn new(scalar: ScalarType, extremes: Option<(f64, f64)>) -> Self {
         let exact = |low: f64| Self::From { low, width: 1.0 };
         match (scalar, extremes) {
@@ -136,7 +136,7 @@ impl Bins {
     }
 }
 
-/// Otsu's threshold, with what is known of the volume; `None` when all values are alike (or none is a number).
+/// Otsu's threshold and the kind of the volume; `None` when all values are equal or NaN.
 ///
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
 /// then 65,536 bins between them. Source: Otsu 1979, *A threshold selection method from gray-level
@@ -155,10 +155,10 @@ pub(super) fn otsu(
     Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins, source))
 }
 
-/// Slices by which a map of labels is recognised, at most.
+/// Most slices that are read to recognise a map of labels.
 const LOOKED: u32 = 32;
 
-/// True if some slices hold labels, of which the middle one alone is read where it does not look like it.
+/// True if some slices hold labels; only the middle one is read if it does not look like labels.
 ///
 /// Memory: 64 KiB and the pairs.
 pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
@@ -198,14 +198,15 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
     Ok(seen.is_hard() && matches!(seen.labels(values), Some(Levels::Labels(_))))
 }
 
-/// Adds samples to what tells maps of labels.
+/// Adds samples to the evidence for a map of labels.
 fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &Part, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
     evidence.add_edges(part, samples, &[]);
     evidence.add_rows(dims, part, samples);
 }
 
-/// The samples of a share of a volume, counted. Tallies of all shares add up to that of the whole, whatever the shares.
+/// Counts of a share of a volume's samples. Tallies of all shares add up to the tally of the whole, whatever the
+/// shares.
 #[derive(Debug)]
 pub(crate) struct Tally {
     counts: Vec<u64>,
@@ -213,7 +214,7 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts the samples of a share; none, if there are no bins.
+    /// Counts the samples of a share; empty without bins.
     pub(super) fn take(
         source: &dyn VolumeSource,
         share: Share,
@@ -257,13 +258,13 @@ impl Tally {
         })
     }
 
-    /// Adds what was counted of another share.
+    /// Adds the counts of another share.
     pub(super) fn join(&mut self, other: &Self) {
         self.counts.iter_mut().zip(&other.counts).for_each(|(sum, n)| *sum += n);
         self.evidence.join(&other.evidence);
     }
 
-    /// The least and the greatest value that was counted.
+    /// The least and the greatest counted value.
     pub(super) fn ends(&self, bins: Bins) -> Option<(f64, f64)> {
         let Bins::From { low, width } = bins else { return None };
         let at = |bin: usize| low + bin as f64 * width;
@@ -271,7 +272,7 @@ impl Tally {
         Some((at(self.counts.iter().position(is_there)?), at(self.counts.iter().rposition(is_there)?)))
     }
 
-    /// The threshold of all that was counted of a volume in these bins.
+    /// Otsu's threshold by these counts in these bins.
     pub(super) fn split(mut self, bins: Bins, source: &dyn VolumeSource) -> Option<Split> {
         let (low, width) = match bins {
             Bins::From { low, width } => (low, width),
@@ -297,7 +298,7 @@ impl Tally {
         best_split(&self.counts).map(|bin| Split { at: value(bin), kind })
     }
 
-    /// As words for a file: the evidence, then bin and count of every bin that is not empty.
+    /// Words for a file: the evidence, then bin and count of every bin that is not empty.
     pub(crate) fn words(&self) -> impl Iterator<Item = u64> {
         let counted = (0_u64..).zip(&self.counts).filter(|(_, n)| **n > 0).flat_map(|(bin, n)| [bin, *n]);
         let Evidence { pairs, is_crowded, .. } = &self.evidence;
@@ -307,7 +308,7 @@ impl Tally {
         self.evidence.words().into_iter().chain(pairs).chain(counted)
     }
 
-    /// The tally of such words, if they are one.
+    /// Parses words of [`Self::words`]; `None` if they are invalid.
     pub(crate) fn parse(words: &mut dyn Iterator<Item = u64>) -> Option<Self> {
         let mut evidence = [0; EVIDENCE_WORDS];
         for word in &mut evidence {
@@ -389,7 +390,7 @@ fn best_split(counts: &[u64]) -> Option<usize> {
     (best > 0.0).then(|| first + (last - first).div_ceil(2))
 }
 
-/// Feeds every sample of a share of the volume to workers, as [`for_each_block`].
+/// Feeds every sample of a share of the volume to workers, as in [`for_each_block`].
 fn for_each_part<L>(
     source: &dyn VolumeSource,
     share: Share,
@@ -417,7 +418,7 @@ fn for_each_block<L>(
     let sample_bytes = source.info().scalar.bytes();
     run_workers(threads, progress, &|stop| {
         let mut local = start();
-        // Words, so that the samples are aligned for every type.
+        // A buffer of words, which aligns the samples for every type.
         let bytes = blocks.size().iter().product::<usize>() * sample_bytes;
         let mut buffer = vec![0_u64; bytes.div_ceil(size_of::<u64>())];
         while !stop() {
@@ -452,7 +453,7 @@ mod tests {
         assert_eq!(best_split(&[]), None);
     }
 
-    /// What is counted of a slice, sample by sample.
+    /// Reference for the evidence of a slice, sample by sample.
     fn slow_evidence<T: Ordered>(samples: &[T], dims: Dims, evidence: &mut Evidence) {
         let [nx, ny, _] = dims.to_array().map(|n| n as usize);
         for slice in samples.chunks(nx * ny) {
@@ -534,14 +535,14 @@ mod tests {
                     let ends = u64::from(columns_outside(dims, u32::try_from(y).unwrap()));
                     let is_out = x < ends || x >= sides[0] - ends;
                     match round % 4 {
-                        // Labels in runs, with nothing between them.
+                        // Labels in runs, without values between them.
                         0 => {
                             if random.below(9) == 0 {
                                 value = if value == 0 { random.below(kinds) * 3 } else { 0 };
                             }
                             i16::try_from(value).unwrap()
                         }
-                        // Padding, now and then not quite.
+                        // Padding, occasionally with another value.
                         1 if is_out && random.below(1 + round / 2) < 40 => pad,
                         2 if is_out => i16::try_from(random.below(30)).unwrap(),
                         3 => i16::try_from(random.below(3000)).unwrap() - 900,

@@ -1,4 +1,4 @@
-//! From what a solid says of a voxel to what is stored: the items of a channel, before and after all are known.
+//! Conversion of a solid's description of voxels to stored items of a channel, before and after all are known.
 //!
 //! Values of 8 and 16 bits are stored as they are (shifted to unsigned), so the channel is lossless for
 //! them. Wider types are swapped as singles and stored in 16 bits between the smallest and the largest
@@ -8,29 +8,30 @@ use super::range::Ordered;
 use crate::format::Channel;
 use crate::volume::{Rescale, ScalarType};
 
-/// How the items of a channel, which a solid gives while it is scanned, are stored in the model.
+/// Storage form of the items of a channel, which a solid gives while it is scanned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ItemForm {
-    /// As they are.
+    /// Items stored unchanged.
     AsIs {
-        /// Of an item.
+        /// Bytes of an item.
         bytes: usize,
     },
-    /// Singles (little-endian), as 16-bit numbers of steps above the lowest.
+    /// Singles (little-endian), stored as 16-bit numbers of steps above the lowest.
     Scaled {
-        /// Single of number 0.
+        /// Value of number 0.
         low: f64,
-        /// From one number to the next.
+        /// Difference of consecutive numbers.
         step: f64,
     },
-    /// Singles (little-endian), as numbers of eighths of an octave from the lowest on: 1 for it, 0 for none.
+    /// Singles (little-endian), stored as numbers of eighths of an octave above the lowest: 1 is the lowest, 0 means
+    /// absent.
     Octaves {
-        /// Single of number 1.
+        /// Value of number 1.
         low: f64,
     },
 }
 
-/// Powers of two from one half of an eighth on: the bounds between eighths of an octave.
+/// Powers of two at odd sixteenths: the bounds between eighths of an octave.
 const EIGHTHS: [f64; 8] = [
     1.044_273_782_427_413_8,
     1.138_788_634_756_691_6,
@@ -49,7 +50,7 @@ fn octaves(size: f64, low: f64) -> u8 {
     if !(above.is_normal() && above > 0.0) {
         return 0;
     }
-    // By bits, and so alike on every machine.
+    // By bits, which gives the same result on every machine.
     let octave = (above.to_bits() >> 52 & 0x7ff) as i32 - 1023;
     let mantissa = f64::from_bits(above.to_bits() & ((1 << 52) - 1) | 1023 << 52);
     let eighth = EIGHTHS.iter().filter(|bound| mantissa >= **bound).count() as i32;
@@ -57,7 +58,7 @@ fn octaves(size: f64, low: f64) -> u8 {
 }
 
 impl ItemForm {
-    /// Singles of `extent` spread over 16 bits.
+    /// The form that spreads singles of `extent` over 16 bits.
     pub(crate) fn scaled(extent: (f32, f32)) -> Self {
         let (low, high) = (f64::from(extent.0), f64::from(extent.1));
         Self::Scaled { low, step: if high > low { (high - low) / 65535.0 } else { 1.0 } }
@@ -110,7 +111,7 @@ pub(super) fn value_bytes(scalar: ScalarType) -> usize {
     scalar.bytes().min(4)
 }
 
-/// How a volume's values are stored.
+/// Storage form of a volume's values.
 pub(super) fn value_form(scalar: ScalarType, extent: (f32, f32)) -> ItemForm {
     match scalar.bytes() {
         1 | 2 => ItemForm::AsIs { bytes: scalar.bytes() },

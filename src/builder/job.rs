@@ -30,7 +30,7 @@ use crate::text::names::{SURFACE, UNCERTAINTY, VISIBLE_FROM};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
-/// Memory and temporary disk as [`super::build_volume`]; the solid's part is what it says of itself.
+/// Memory and temporary disk as in [`super::build_volume`]; the solid states its own part.
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
@@ -46,10 +46,10 @@ pub fn build_solid(
     build_part(solid, options, output, None, progress)
 }
 
-/// Builds the model of a solid, or a part of that: the records of the bricks of its box.
+/// Builds the model of a solid, or a part of the model: the records of the bricks of its box.
 ///
 /// # Errors
-/// As [`build_solid`]; the part is one of another grid.
+/// The errors of [`build_solid`], and a part of another grid.
 pub(super) fn build_part(
     solid: &dyn Solid,
     options: &BuildOptions,
@@ -65,7 +65,7 @@ pub(super) fn build_part(
         return Err(fault.into());
     }
     let job = Job { options, output, progress, part };
-    // What can be refused at once is refused before a file is made.
+    // Whatever can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);
     let files = job.open_files(solid.dims())?;
     job.run(files, solid)
@@ -82,10 +82,10 @@ fn request_of<'a>(solid: &'a dyn Solid, options: &BuildOptions) -> Result<PlanRe
     })
 }
 
-/// The channels that are asked for, in the forms in which the solid has them before the scan.
+/// The requested channels, in the forms that the solid gives before the scan.
 ///
 /// # Errors
-/// The solid does not have one of them.
+/// The solid lacks one of the channels.
 pub(super) fn channel_forms(
     options: &BuildOptions,
     name: &str,
@@ -105,7 +105,7 @@ pub(super) fn channel_forms(
 fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
     let count =
         |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
-    // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
+    // All voxels are inside if the skin is the skin of the grid's box. Cells lie between samples, and around them.
     let all = !totals.amid && totals.skin + totals.hidden == count(0) - count(2);
     let voxels = count(u32::from(surface == SurfaceKind::Cells));
     let found = [
@@ -122,7 +122,7 @@ pub(super) struct Job<'a> {
     pub(super) options: &'a BuildOptions,
     pub(super) output: &'a Path,
     pub(super) progress: &'a dyn Progress,
-    /// The part of the model that is built, if not all of it.
+    /// The part of the model that is built; `None` for the whole.
     pub(super) part: Option<&'a PartId>,
 }
 
@@ -150,7 +150,7 @@ impl Job<'_> {
         let seen = self.look(solid, &forms, &plan, &scratch)?;
         seconds.sight = started.elapsed().as_secs_f64();
         let started = Instant::now();
-        // Cells that join need those that cannot be seen, too.
+        // Joining needs the hidden cells as well.
         let hidden_now = seen.as_ref().filter(|_| !self.options.joins());
         let mut totals = self.scan(solid, &forms, &plan, &scratch, hidden_now)?;
         seconds.scan = started.elapsed().as_secs_f64();
@@ -168,7 +168,7 @@ impl Job<'_> {
         }
 
         let started = Instant::now();
-        // The same channels, in the forms that follow from what was found.
+        // The same channels, in the forms that follow from the scan.
         for known in &mut forms {
             known.form = solid.form(known.channel, &totals.found).unwrap_or(known.form);
         }
@@ -209,7 +209,7 @@ impl Job<'_> {
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
         solid.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
-        // What takes time of the commit comes before the last moment to stop.
+        // Slow steps of the commit come before the last chance to stop.
         atomic.file().sync_all().map_err(|e| self.output_error(e))?;
         self.progress.check()?;
         atomic.commit().map_err(|e| self.output_error(e))?;
@@ -239,7 +239,7 @@ impl Job<'_> {
         Ok((self.plan(&solid.name(), &request)?, request.channels))
     }
 
-    /// The plan within what is resident now.
+    /// The plan within the memory that the process does not hold yet.
     ///
     /// # Errors
     /// [`BuildError`], which names the smallest cap.
@@ -256,7 +256,7 @@ impl Job<'_> {
         })
     }
 
-    /// A part of what is reserved for the workers, for one of them or for a stage that works alone.
+    /// Reserves a part of the workers' memory, for one of them or for a stage that works alone.
     fn part(&self, solid: &dyn Solid, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
         let limit_bytes = self.options.memory.bytes();
         plan.memory.reserve(bytes).map_err(|refused| {
@@ -301,7 +301,7 @@ impl Job<'_> {
         }
     }
 
-    /// Does `work` on every column, and has every worker `finish`.
+    /// Runs `work` on every column, and `finish` on every worker.
     fn columns<'a>(
         &self,
         shared: &'a ScanContext<'a>,
@@ -324,7 +324,7 @@ impl Job<'_> {
         })
     }
 
-    /// The boxes that can be seen from where the model will be looked at; `None` without a viewpoint.
+    /// Finds the boxes that can be seen from the viewpoint; `None` without a viewpoint.
     fn look(
         &self,
         solid: &dyn Solid,
@@ -371,8 +371,8 @@ impl Job<'_> {
         Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Joins cells into larger leaves, if that is asked for, and then leaves out those that cannot be seen; gives the bound
-    /// and what was measured.
+    /// Joins cells into larger leaves, if requested, and then leaves out hidden ones; returns the bound and the
+    /// measured distances.
     fn join_cells(
         &self,
         solid: &dyn Solid,

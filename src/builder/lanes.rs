@@ -9,7 +9,7 @@ use bytemuck::Zeroable as _;
 
 /// A sample as it stands in the ring of slices.
 pub(super) trait RingSample: bytemuck::Pod + PartialEq {
-    /// One sum, as it is kept between the passes.
+    /// One sum, as stored between the passes.
     type Number: bytemuck::Pod;
     /// Eight sums.
     type Sums<L: Lanes>: Octet<Number = Self::Number>;

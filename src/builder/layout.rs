@@ -1,4 +1,4 @@
-//! Where everything stands in the output: counted from the index before a byte is written.
+//! Offsets of the output: counted from the index before a byte is written.
 
 use super::error::BuildError;
 use super::item::ChannelForm;
@@ -87,13 +87,13 @@ impl Census {
         Ok(census)
     }
 
-    /// Nothing counted yet.
+    /// An empty census.
     pub(super) fn new(depth: u32) -> Self {
         let (leaves, by_edge) = ([0; 6], [0; 17]);
         Self { depth, voxels: 0, bricks: 0, corners: 0, leaves, by_edge, previous: None }
     }
 
-    /// Counts a group that is not empty; their codes rise.
+    /// Counts a non-empty group; their codes rise.
     pub(super) fn add(&mut self, code: u64, counts: &GroupCounts) {
         self.voxels += u64::from(counts.voxels);
         self.bricks += u64::from(counts.bricks());
@@ -140,22 +140,22 @@ impl Census {
     }
 }
 
-/// The channels that are written, and whether with the means of coarse nodes.
+/// The written channels, and whether coarse nodes have means.
 #[derive(Clone, Debug)]
 pub(super) struct StoredChannels {
     pub(super) forms: Vec<ChannelForm>,
     pub(super) lod: bool,
-    /// With larger leaves?
+    /// True with larger leaves.
     pub(super) leaves: bool,
 }
 
 impl StoredChannels {
-    /// Do the offsets announce corners?
+    /// True if the offsets announce corners.
     pub(super) fn has_corners(&self) -> bool {
         self.forms.iter().any(|c| c.channel.row().is_sparse)
     }
 
-    /// Each with the rule of its means, if it has any.
+    /// Each channel with the rule of its means, if it has means.
     pub(super) fn with_means(&self) -> impl Iterator<Item = (&ChannelForm, Option<MeanRule>)> {
         let rule = |c: &ChannelForm| c.channel.row().means.as_ref().filter(|_| self.lod).map(|m| m.rule);
         self.forms.iter().map(move |c| (c, rule(c)))
@@ -166,7 +166,7 @@ impl StoredChannels {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     pub(super) entries: Vec<SectionEntry>,
-    /// Where the labels of all voxels stand until their blocks are coded: behind all sections at their longest.
+    /// Offset of the labels of all voxels until their blocks are coded: behind all sections at their longest.
     pub(super) labels: u64,
 }
 

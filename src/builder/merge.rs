@@ -1,10 +1,9 @@
-//! Bottom-up merge: bricks in Morton order become levels of infobytes and channels (the paper,
-//! section 4), at offsets that the census has fixed before.
+//! Bottom-up merge: bricks in Morton order become levels of infobytes and channels (the paper, section 4), at offsets
+//! fixed by the census.
 //!
-//! Workers take groups of bricks in Morton order; a short critical section reads the group's index
-//! entries and moves the cursors, so each worker knows where its bricks' bytes belong and writes them
-//! without waiting for others. What lies above the bricks follows in one small sequential pass with a
-//! queue of one open node per level.
+//! Workers take groups of bricks in Morton order; a short critical section reads the group's index entries and moves
+//! the cursors, so each worker knows the offsets of its bricks' bytes and writes them without waiting for others. The
+//! levels above the bricks follow in one small sequential pass with a queue of one open node per level.
 
 use std::fs::File;
 use std::path::Path;
@@ -40,18 +39,18 @@ fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
 }
 
-/// Runs of a channel: one of its items, and four of means if it has any.
+/// Runs of a channel: one of its items, and four of means if it has them.
 fn runs_of(channel: &ChannelForm) -> u64 {
     if channel.channel.row().means.is_some() { 5 } else { 1 }
 }
 
-/// Memory of one worker: a brick, runs for five levels of infobytes, and those of each channel.
+/// Memory of one worker: a brick, runs for five levels of infobytes, and the runs of each channel.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
     let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(runs_of(c))).sum();
     (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(MIN_WORKER)
 }
 
-/// Memory of what lies above the bricks: for each level a run of infobytes and one of each channel's means, and
+/// Memory of the levels above the bricks: for each level a run of infobytes and one of each channel's means, and
 /// summaries.
 pub(super) fn upper_bytes(channels: &[ChannelForm]) -> u64 {
     let means = channels.iter().filter(|c| c.channel.row().means.is_some()).count();
@@ -68,7 +67,7 @@ pub(super) fn summary_bytes_of(channels: &StoredChannels) -> usize {
     summary_bytes(averaged(channels).count())
 }
 
-/// The code of a summary; its sums take the place of those in `sums`.
+/// Parses a summary: returns its code; its sums replace those in `sums`.
 pub(super) fn parse_summary(summary: &[u8], sums: &mut Vec<Sum>) -> u64 {
     sums.clear();
     let Some((code, raw)) = summary.split_first_chunk::<8>() else { return 0 };
@@ -102,7 +101,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// A run that starts at `at`, or that drops everything when the section is not written.
+    /// A run that starts at `at`, or, with `None`, drops everything.
     pub(super) fn new(at: Option<u64>) -> Self {
         Self { at, bytes: Vec::new() }
     }
@@ -150,10 +149,10 @@ pub(super) struct Merge<'a> {
     target: &'a Target<'a>,
     census: &'a Census,
     cursors: Mutex<Cursors>,
-    /// Where the summaries of bricks stand in the scratch file, and how long one is.
+    /// Offset of the summaries of bricks in the scratch file, and length of one.
     summaries: u64,
     summary_bytes: usize,
-    /// Of a part: how its records are made, each with all bytes of a group.
+    /// Form of the records when a part is built: each holds all bytes of a group.
     record: Option<&'a RecordForm>,
 }
 
@@ -167,7 +166,7 @@ struct Firsts {
     brick: u64,
     /// First larger leaf with an edge of 2^(i + 1).
     leaf: [u64; BRICK_LEVELS as usize],
-    /// Where the group's record begins, in a part.
+    /// Offset of the group's record, in a part.
     record: u64,
 }
 
@@ -216,7 +215,7 @@ impl<'a> Merge<'a> {
         })
     }
 
-    /// The bricks of a box as records of a part, the first of them at `start`.
+    /// Writes the bricks of a box as records of a part, the first of them at `start`.
     pub(super) fn into_records(self, region: &VoxelBox, form: &'a RecordForm, start: u64) -> Self {
         let mut cursors = self.cursors.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         cursors.walk = BrickWalk::of(region);
@@ -224,7 +223,7 @@ impl<'a> Merge<'a> {
         Self { cursors: Mutex::new(cursors), record: Some(form), ..self }
     }
 
-    /// Where a stretch of a group's bytes belongs; `None` for what is not written.
+    /// Offset of a stretch of a group's bytes; `None` if it is not written.
     fn offset(&self, group: &Group, stretch: Stretch) -> Option<u64> {
         let Group { first, counts } = group;
         if let Some(form) = self.record {
@@ -276,7 +275,7 @@ impl<'a> Merge<'a> {
         Ok(Some(group))
     }
 
-    /// One worker: groups until there are none. Calls `progress` with the bricks done.
+    /// Runs one worker until the groups are exhausted. Calls `progress` with the bricks done.
     pub(super) fn work(&self, stop: &dyn Fn() -> bool, progress: &dyn Fn(u64)) -> Result<(), BuildError> {
         let mut worker = MergeWorker::new(self.target.channels);
         let mut found = Vec::new();
@@ -289,7 +288,7 @@ impl<'a> Merge<'a> {
         Ok(())
     }
 
-    /// The levels above the bricks, after all workers are done.
+    /// Writes the levels above the bricks, after all workers are done.
     pub(super) fn finish_upper_levels(&self) -> Result<(), BuildError> {
         let mut queue = MergeQueue::new(self.target, self.census);
         let mut bytes = vec![0; self.summary_bytes * SUMMARIES];
@@ -322,11 +321,11 @@ struct MergeWorker {
     reader: BrickReader,
     infobytes: [Vec<u8>; BRICK_LEVELS as usize],
     nodes: [Run; BRICK_LEVELS as usize],
-    /// By channel, as the reader's.
+    /// Runs of each channel, in the reader's order.
     channels: Vec<ChannelRuns>,
     means: Vec<u8>,
     summaries: Vec<u8>,
-    /// Of larger leaves: normals and offsets, by edge.
+    /// Runs of larger leaves: normals and offsets, by edge.
     leaves: [[Run; 2]; BRICK_LEVELS as usize],
     reduced: Reduced,
 }
@@ -390,7 +389,7 @@ impl MergeWorker {
         }
     }
 
-    /// A brick whose bytes stand in the scratch file as they will in the model.
+    /// Writes a brick whose bytes have their final form in the scratch file.
     fn emit_reduced(&mut self, merge: &Merge<'_>, code: u64, entry: &BrickEntry) -> Result<(), BuildError> {
         let (target, scratch, levels) = (merge.target, merge.scratch, merge.levels() as usize);
         let Self { reduced, nodes, leaves, channels, summaries, reader, .. } = self;
@@ -464,7 +463,7 @@ fn squeeze(bytes: &mut [u8]) -> &[u8] {
             continue;
         }
         for byte in eight {
-            // Written whether it stays or not: no branch, and never beyond what was read already.
+            // Written in any case: no branch, and never beyond the bytes already read.
             bytes[kept] = byte;
             kept += usize::from(byte != 0);
         }
@@ -488,7 +487,7 @@ pub(super) struct MergeQueue<'a> {
 struct OpenLevel {
     code: u64,
     mask: u8,
-    /// One of each channel that is averaged.
+    /// Sums of each averaged channel.
     sums: Vec<Sum>,
     nodes: Run,
     means: Vec<Run>,
@@ -516,8 +515,8 @@ impl<'a> MergeQueue<'a> {
         self.push_from(0, code, sums.to_vec())
     }
 
-    /// A finished box below level `from`: joins its parent, and if that opens a new parent, the one
-    /// before it is complete and moves up in turn.
+    /// Adds a finished box below level `from` to its parent; if that opens a new parent, the previous one is complete
+    /// and moves up in turn.
     fn push_from(&mut self, from: usize, code: u64, sums: Vec<Sum>) -> Result<(), BuildError> {
         let (mut code, mut sums) = (code, sums);
         for level in &mut self.levels[from..] {

@@ -6,8 +6,8 @@
 //!        .oct <--seal (rank, CRC)-- merge (levels) <---+-- census (sizes, offsets)
 //! ```
 //!
-//! A [`Solid`] says which voxels are inside and describes its skin. A volume with a threshold is such a
-//! solid: [`build_volume`] makes it from a [`VolumeSource`] and passes it to [`build_solid`].
+//! A [`Solid`] determines the inside voxels and describes its skin. A volume with a threshold is such a solid:
+//! [`build_volume`] makes it from a [`VolumeSource`] and passes it to [`build_solid`].
 //!
 //! | stage | passes over | memory | order |
 //! |---|---|---|---|
@@ -34,10 +34,10 @@
 //! | `job`, `plan`, `options`, `parallel`, `report`, `error` | one build: memory, threads, results |
 //! | `visible` | what is seen from a point |
 //!
-//! The result does not depend on the budget, the number of threads or the shape of columns: records are
-//! functions of voxels alone, and their offsets follow from the census.
+//! The result does not depend on the budget, the number of threads or the shape of columns: records are functions of
+//! voxels alone, and their offsets follow from the census.
 
-/// An expression for the type of the samples of a volume: one instance for each of eight types.
+/// Evaluates an expression for the sample type of a volume: one instance for each of eight types.
 macro_rules! by_type {
     ($scalar:expr, $t:ident => $body:expr) => {
         by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
@@ -52,7 +52,7 @@ macro_rules! by_type {
     };
 }
 
-/// An expression for the type of the samples of the ring: one instance for each of five.
+/// Evaluates an expression for the sample type of the ring: one instance for each of five.
 macro_rules! by_ring {
     ($scalar:expr, $t:ident => $body:expr) => {
         by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 f32, I32 f32, F32 f32, F64 f32)
@@ -152,11 +152,11 @@ pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, ki
     dry.smallest_limit(1)
 }
 
-/// Reserves what a model of `source` cannot be built without: the smallest plan for the kindest range of this
-/// sample type. A plan for [`build_volume`] is found from wherever this succeeds.
+/// Reserves the least memory of a model of `source`: the smallest plan for the most favourable range of this sample
+/// type. Wherever this succeeds, [`build_volume`] finds a plan.
 ///
 /// # Errors
-/// The budget does not have it, or the process has passed its limit before, to open the input: the cap is on the
+/// The budget is too small, or the process exceeded its limit earlier, while it opened the input: the cap is on the
 /// peak.
 pub(crate) fn reserve_least(
     source: &dyn VolumeSource,
@@ -166,8 +166,8 @@ pub(crate) fn reserve_least(
     ColumnPlan::smallest(&kindest_request(source, options), budget)
 }
 
-/// The request for a plan with the kindest range of the sample type; channels that a volume does not have are
-/// refused elsewhere.
+/// The request for a plan with the most favourable range of the sample type; channels that a volume lacks are refused
+/// elsewhere.
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
     if options.labels.is_some() {
@@ -208,7 +208,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
     }
 }
 
-/// The form of a channel's items, of those that a volume has with this surface.
+/// The form of a channel's items; `None` for channels that a volume lacks with this surface.
 fn form_on(
     surface: SurfaceKind,
     scalar: ScalarType,
@@ -221,8 +221,7 @@ fn form_on(
     }
 }
 
-/// Builds the octree of `source`, of the voxels whose values lie in [`BuildOptions::threshold`], into
-/// `output`.
+/// Builds the octree of `source`, of the voxels whose values lie in [`BuildOptions::threshold`], into `output`.
 ///
 /// Memory: [`BuildOptions::memory`] bounds the process as the operating system accounts it, or the build's
 /// own part of it. Temporary disk: about the size of the result, in one
@@ -251,7 +250,7 @@ pub fn build_volume(
 /// Builds part of a model: the records of the bricks of its box.
 ///
 /// # Errors
-/// As [`build_volume`].
+/// The errors of [`build_volume`].
 pub(crate) fn build_volume_part(
     source: &dyn VolumeSource,
     options: &BuildOptions,
@@ -266,7 +265,7 @@ pub(crate) fn build_volume_part(
 
 fn run_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<BuildReport, BuildError> {
     let Job { options, progress, .. } = *job;
-    // What can be refused at once is refused before the volume is read.
+    // Whatever can be refused at once is refused before the volume is read.
     let dims = check_volume(source, job)?;
     let files = job.open_files(dims)?;
     let started = Instant::now();
@@ -277,7 +276,7 @@ fn run_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<BuildReport, B
     Ok(report)
 }
 
-/// The solid of the voxels of a volume that a threshold chooses.
+/// The solid of a volume's voxels that a threshold chooses.
 ///
 /// # Errors
 /// No sample can be chosen, the volume cannot be read, or it is too large for cells.
@@ -292,8 +291,8 @@ pub(crate) fn volume_solid<'a>(
     TypedVolume { chooser, threshold, surface, options }.solid()
 }
 
-/// Does the volume have the channels, and is there a plan for the kindest range of this sample type? Gives the size of
-/// the model's grid.
+/// Checks that the volume has the channels, and that a plan exists for the most favourable range of its sample type.
+/// Returns the size of the model's grid.
 fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildError> {
     let VolumeInfo { dims, scalar, description, .. } = source.info();
     let (name, surface) = (&description.name, job.options.volume_surface());

@@ -2,32 +2,32 @@
 //!
 //! Differences of samples four apart (three along z, where the ring is short) and next to each other, where all samples
 //! around both lie on the same side. The standard deviation follows from the median of the differences, so that
-//! structure here and there does not count; the correlation of neighbours from both. Which samples are looked at depends
-//! on their place alone, so that the result is the same for any budget and number of threads.
+//! occasional structure does not count; the correlation of neighbours follows from both. Samples are selected by
+//! position alone, so that the result is the same for any budget and number of threads.
 #![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "counts and buckets")]
 
 use crate::format::Noise;
 
-/// Buckets of differences: 32 for each power of two from [`MIN_EXPONENT`] on, and one for none.
+/// Buckets of differences: 32 for each power of two from [`MIN_EXPONENT`] on, and one for zero.
 const PARTS_BITS: u32 = 5;
 const MIN_EXPONENT: i32 = -40;
 const OCTAVES: usize = 80;
 const BUCKETS: usize = (OCTAVES << PARTS_BITS) + 1;
-/// Side, axis, and whether samples are apart.
+/// Kinds of differences: by side, axis, and distance of the samples (next to each other or apart).
 const KINDS: usize = 2 * 3 * 2;
-/// Differences below which a median says nothing.
+/// Least number of differences for a median.
 const MIN_COUNT: u64 = 64;
-/// The median of the sizes of normal deviates.
+/// Median magnitude of standard normal deviates.
 const MEDIAN: f64 = 0.674_489_750_196_081_7;
 
-/// Samples that a look needs on either side of each of the two, across the axis and along it.
+/// Samples needed around each of the two, across the axis and along it.
 pub(super) const AROUND: u32 = 2;
 /// Distance of the two samples along x and y, and along z.
 pub(super) const APART: [u32; 3] = [4, 4, 3];
-/// Samples around them along z for pairs along z.
+/// Samples needed along z around pairs along z.
 pub(super) const AROUND_THIN: u32 = 1;
 
-/// Places that are looked at, in voxels along x, y, z from one to the next: more of small volumes.
+/// Steps between measured positions, in voxels along x, y, z: smaller in small volumes.
 pub(super) fn steps(dims: [u32; 3]) -> [u32; 3] {
     match dims.iter().map(|n| u64::from(*n)).product::<u64>() {
         0..=2_100_000 => [2, 2, 2],
@@ -59,7 +59,7 @@ impl NoiseCounts {
         self.0.iter_mut().zip(&other.0).for_each(|(sum, count)| *sum = sum.saturating_add(*count));
     }
 
-    /// Noise in units of the samples; `None` where too few were found. `step` is that of the samples, 0 for floats.
+    /// Noise in units of the samples; `None` with too few differences. `step` is the step of the samples, 0 for floats.
     pub(super) fn noise(&self, step: f64) -> Option<Noise> {
         let deviation = |side: usize, axis: usize, apart: usize| {
             let kind = (side * 3 + axis) * 2 + apart;
@@ -72,7 +72,7 @@ impl NoiseCounts {
         };
         let of_side = |side| mean(&(0..3).filter_map(|axis| deviation(side, axis, 1)).collect::<Vec<_>>());
         let (outside, inside) = (of_side(0), of_side(1));
-        // Values that were clipped have no noise, as air at 0.
+        // Clipped values have no noise, such as air at 0.
         let most = inside.unwrap_or(0.0).max(outside.unwrap_or(0.0));
         let known = |side: Option<f64>| side.filter(|deviation| *deviation > 0.0).unwrap_or(most);
         let correlation = [0, 1, 2].map(|axis| {
@@ -92,14 +92,14 @@ impl NoiseCounts {
     }
 }
 
-/// The bucket of a difference: 0 for none.
+/// The bucket of a difference: 0 for zero.
 fn bucket(difference: f32) -> usize {
     let bits = difference.abs().to_bits() >> (f32::MANTISSA_DIGITS - 1 - PARTS_BITS);
     let first = ((127 + MIN_EXPONENT) as u32) << PARTS_BITS;
     (bits + 1).saturating_sub(first).min(BUCKETS as u32 - 1) as usize
 }
 
-/// Least and greatest difference of a bucket; whole numbers stand for all that round to them.
+/// Least and greatest difference of a bucket; an integer stands for all differences that round to it.
 fn ends(bucket: usize, step: f64) -> [f64; 2] {
     let Some(number) = bucket.checked_sub(1) else { return [0.0, 0.5 * step] };
     let octave = 2.0_f64.powi((number >> PARTS_BITS) as i32 + MIN_EXPONENT);
@@ -109,7 +109,7 @@ fn ends(bucket: usize, step: f64) -> [f64; 2] {
     if high - low < step { [low - 0.5 * step, low + 0.5 * step] } else { [low, high] }
 }
 
-/// The median of what was counted, between the ends of its bucket in proportion.
+/// The median of the counted differences, interpolated within its bucket.
 fn median(counts: &[u32], step: f64) -> Option<f64> {
     let all = counts.iter().map(|count| u64::from(*count)).sum::<u64>();
     if all < MIN_COUNT {
@@ -150,7 +150,7 @@ mod tests {
         {
             let mut random = Random(3);
             let white: Vec<f64> = (0..40_000).map(|_| sigma * deviate(&mut random)).collect();
-            // Each is the mean of two neighbours: their correlation is one half.
+            // Each value is the mean of two neighbours: their correlation is one half.
             let scale = if correlated { 0.5_f64.sqrt() } else { 1.0 };
             let value = |i: usize| {
                 let value = if correlated { scale * (white[i] + white[i + 1]) } else { white[i] };
@@ -164,7 +164,7 @@ mod tests {
                 }
             }
             let found = counts.noise(step).unwrap();
-            // Rounding is noise, too.
+            // Rounding adds noise.
             let sigma = (sigma * sigma + step * step / 12.0).sqrt();
             assert!((found.inside / sigma - 1.0).abs() < 0.03, "{sigma} {step}: {found:?}");
             assert_eq!(found.inside, found.outside);

@@ -1,5 +1,5 @@
-//! The range test of a whole volume, for stages that work on bits before the scan: one bit a voxel, and
-//! samples moved to the side of the threshold that the bits say.
+//! The range test of a whole volume, for stages that work on bits before the scan: one bit a voxel, and samples moved
+//! to the side of the threshold that their bit states.
 
 use std::ops::Range;
 
@@ -12,12 +12,12 @@ use crate::format::Selection;
 use crate::progress::Progress;
 use crate::volume::{Rescale, ScalarType, VolumeSource};
 
-/// Bytes of samples that a worker reads at a time; below the size from which the allocator maps a buffer of
-/// its own, so that it is given back.
+/// Bytes of samples that a worker reads at a time; below the size from which the allocator maps a buffer of its own, so
+/// that the memory is returned.
 const READ_BYTES: usize = 64 << 10;
 const _: () = assert!(READ_BYTES < MAPPED_FROM);
 
-/// Memory of one worker of [`for_each_block`], with what the source holds for it.
+/// Memory of one worker of [`for_each_block`], including the source's memory for it.
 pub(crate) fn worker_bytes(source: &dyn VolumeSource) -> u64 {
     2 * READ_BYTES as u64 + WORKER_OVERHEAD + source.resident_bytes()
 }
@@ -55,7 +55,7 @@ struct TypedTest<T> {
 }
 
 impl<T: Ordered> TypedTest<T> {
-    /// The nearest sample outside of one that is inside; the lower one of two.
+    /// The nearest sample outside the range for an inside one; the lower one of two.
     fn removed(&self, sample: T) -> T {
         match self.outside {
             (Some(below), Some(above)) => {
@@ -67,7 +67,7 @@ impl<T: Ordered> TypedTest<T> {
         }
     }
 
-    /// The nearest sample inside of one that is outside; the lower end for NaN.
+    /// The nearest sample inside the range for an outside one; the lower end for NaN.
     fn added(&self, sample: T) -> T {
         if sample > self.range.hi { self.range.hi } else { self.range.lo }
     }
@@ -88,7 +88,7 @@ impl<T: Ordered> TypedTest<T> {
     }
 }
 
-/// Samples that need not be aligned.
+/// Copies samples that need not be aligned.
 fn aligned<T: Ordered>(samples: &[u8]) -> Vec<T> {
     samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
 }
@@ -111,14 +111,14 @@ impl<T: Ordered> RangeTest for TypedTest<T> {
     }
 }
 
-/// Takes rows of bits: slice, first row, first word of each row, words of a row, and the words row by row.
+/// Receives rows of bits: slice, first row, first word of each row, words of a row, and the words row by row.
 pub(crate) type BlockSink<'a> = dyn Fn(u32, u32, usize, usize, &[u64]) -> Result<(), BuildError> + Sync + 'a;
 
 /// Reads slices of the volume once, some rows at a time on several threads, and hands the bits of every block to `sink`
 /// in any order. A block starts at a column that is a multiple of 64.
 ///
 /// # Errors
-/// Those of the source and of `sink`.
+/// The errors of the source and of `sink`.
 pub(crate) fn for_each_block(
     source: &dyn VolumeSource,
     test: &dyn RangeTest,
@@ -131,7 +131,7 @@ pub(crate) fn for_each_block(
     let blocks = Blocks::new(source.info().dims, READ_BYTES / sample_bytes).of_slices(slices);
     let [cols, rows] = blocks.size();
     run_workers(threads, progress, &|stop| {
-        // Words, so that the samples are aligned for every type.
+        // A buffer of words, which aligns the samples for every type.
         let mut buffer = vec![0_u64; (cols * rows * sample_bytes).div_ceil(8)];
         let mut words = vec![0_u64; cols.div_ceil(64) * rows];
         while !stop() {
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn samples_move_to_the_nearest_value_on_the_side_that_is_wanted() {
         assert_eq!(enforced(10.0, 20.0, &[5_u8, 10, 14, 16, 25], 0b10001), [10, 9, 9, 21, 20]);
-        // Nothing lies below, or above.
+        // No value exists below, or above, the range.
         assert_eq!(enforced(0.0, 20.0, &[3_u8, 30], 0b10), [21, 20]);
         assert_eq!(enforced(-5.0, f64::INFINITY, &[3_i16, -30], 0b10), [-6, -5]);
         let got = enforced(1.0, f64::INFINITY, &[f32::NAN, 0.5, 2.0, f32::INFINITY], 0b0011);

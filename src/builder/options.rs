@@ -1,4 +1,4 @@
-//! Options of a build: its content and its means.
+//! Options of a build: its content and its resources.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -12,7 +12,7 @@ use crate::text::names::{ERROR, SURFACE};
 use crate::text::{Short, some_text};
 use crate::volume::Overlap;
 
-/// How to choose what is inside; values are physical (after rescale).
+/// Rule for the inside of a volume; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Threshold {
@@ -23,21 +23,21 @@ pub enum Threshold {
     /// Otsu's threshold of the volume's histogram.
     Otsu,
     #[serde(skip)]
-    /// A selection that was made before, as [`BuildReport::selection`](super::BuildReport) tells.
+    /// A selection made before, as in [`BuildReport::selection`](super::BuildReport).
     Chosen(Selection),
 }
 
-/// How far larger leaves of cells may lie from the surface (SPEC 4.9).
+/// Largest distance of larger leaves of cells from the surface (SPEC 4.9).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
-    /// In voxels of the finest spacing, at most 1.
+    /// Voxels of the finest spacing, at most 1.
     Voxels(f64),
-    /// In mm, at most a voxel.
+    /// Millimetres, at most a voxel.
     Mm(f64),
 }
 
 impl Tolerance {
-    /// In voxels of the finest spacing.
+    /// The tolerance in voxels of the finest spacing.
     pub(crate) fn voxels(self, spacing_mm: [f64; 3]) -> f64 {
         match self {
             Self::Voxels(voxels) => voxels,
@@ -45,7 +45,7 @@ impl Tolerance {
         }
     }
 
-    /// In mm.
+    /// The tolerance in mm.
     pub(crate) fn mm(self, spacing_mm: [f64; 3]) -> f64 {
         match self {
             Self::Voxels(voxels) => voxels * spacing_mm.into_iter().fold(f64::INFINITY, f64::min),
@@ -59,7 +59,7 @@ impl Tolerance {
     }
 }
 
-/// Voxels as `0.1`, mm as `0.05mm`.
+/// Parses voxels, such as `0.1`, or mm, such as `0.05mm`.
 impl FromStr for Tolerance {
     type Err = String;
 
@@ -74,7 +74,7 @@ impl FromStr for Tolerance {
     }
 }
 
-/// Options of a build: its content and its means.
+/// Options of a build: its content and its resources.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BuildOptions {
@@ -83,33 +83,34 @@ pub struct BuildOptions {
     /// The labels to build from a label volume, as cells; threshold and [`BuildOptions::surface`] are ignored then.
     #[serde(deserialize_with = "some_text")]
     pub labels: Option<LabelChoice>,
-    /// Their names and colours, where known.
+    /// Names and colours of the labels, where known.
     pub label_names: Vec<LabelName>,
-    /// How far walls of labels may move from the midpoint of the samples they separate, in voxels, 0 to
-    /// [`MAX_SMOOTH`], which lets them lie anywhere between the samples.
+    /// Largest shift of walls of labels from the midpoint of the samples they separate, in voxels, 0 to [`MAX_SMOOTH`],
+    /// which lets them lie anywhere between the samples.
     pub smooth: f64,
-    /// Which of several masks wins where more than one contains a voxel.
+    /// Rule for voxels that several masks contain.
     pub overlap: Overlap,
     /// Skin voxels or cells, for volumes, meshes and trees. If not given, cells, but skin voxels for options that only
     /// these have: channels other than normals, a gradient, connectivity 6, and thin walls of
     /// meshes. [`Channel::Offset`] among the channels always means cells. Other solids define their own
     /// surface.
     pub surface: Option<SurfaceKind>,
-    /// Which neighbours make a voxel skin; ignored for cells.
+    /// Neighbours that make a voxel skin; ignored for cells.
     pub connectivity: Connectivity,
     /// The channels of every skin voxel; if not given, normals, and for the skin of meshes their colours.
     pub channels: Option<Channels>,
     /// Normal estimator for skin voxels of volumes; if not given, [`Gradient::Isotropic5`].
     pub gradient: Option<Gradient>,
-    /// Viewpoints of the model: what cannot be seen from any of them is dropped. An empty list keeps everything.
+    /// Viewpoints of the model: surface that cannot be seen from any of them is dropped. An empty list keeps
+    /// everything.
     #[serde(skip)]
     pub visible_from: Vec<ViewedFrom>,
-    /// Join cells into larger leaves where that stays within a bound; 0 joins none.
+    /// Bound within which cells are joined into larger leaves; 0 joins none.
     #[serde(deserialize_with = "some_text")]
     pub error: Option<Tolerance>,
-    /// True to measure the noise of a volume, and to keep how steep each cell is (SPEC 4.14).
+    /// True to measure the noise of a volume, and to store the steepness of each cell (SPEC 4.14).
     pub uncertainty: bool,
-    /// Store means of coarse nodes for level of detail?
+    /// True to store means of coarse nodes for level of detail.
     pub lod: bool,
     /// Cap on resident memory.
     pub memory: MemoryCap,
@@ -162,12 +163,12 @@ impl BuildOptions {
         self.channels.unwrap_or_default()
     }
 
-    /// The estimator, or the usual one.
+    /// The estimator, or the default one.
     pub(crate) fn gradient(&self) -> Gradient {
         self.gradient.unwrap_or_default()
     }
 
-    /// The name of an option without effect on the cells that are built, and what it is for.
+    /// The name of an option without effect on the cells that are built, and the kind of model that it is for.
     pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
         let skin = "skin voxels, and cells are built";
         let labelled_skin = self.labels.is_some() && self.surface == Some(SurfaceKind::Skin);
@@ -199,7 +200,7 @@ impl BuildOptions {
         Self { surface: Some(surface), channels: Some(channels), ..self.clone() }
     }
 
-    /// What is asked for that a model of labels does not have, by its name.
+    /// Name of a requested feature that models of labels lack.
     pub(super) fn labels_refused(&self) -> Option<&'static str> {
         let refused = [
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
@@ -210,12 +211,12 @@ impl BuildOptions {
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
     }
 
-    /// Are cells joined into larger leaves?
+    /// True if cells are joined into larger leaves.
     pub(crate) fn joins(&self) -> bool {
         self.error.is_some_and(|error| error.number() != 0.0)
     }
 
-    /// Can cells be joined within the bound that is asked for?
+    /// Checks that cells can be joined within the requested bound.
     ///
     /// # Errors
     /// [`BuildError`]

@@ -12,11 +12,11 @@ use crate::geom::Dims;
 use crate::platform::give_back;
 use crate::progress::Progress;
 
-/// Work of one worker; its argument says whether another one has failed, or the job is stopped.
+/// Work of one worker; its argument returns true once another one has failed, or the job is stopped.
 pub(super) type Work<'a> = dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync + 'a;
 
-/// Runs `work` once on each of `threads` workers and waits for all. `work` asks its argument between
-/// steps whether to go on.
+/// Runs `work` once on each of `threads` workers and waits for all. `work` calls its argument between steps to learn of
+/// a stop.
 pub(super) fn run_workers(
     threads: usize,
     progress: &dyn Progress,
@@ -25,8 +25,8 @@ pub(super) fn run_workers(
     run(threads, progress, &|| (), work)
 }
 
-/// Like [`run_workers`], for a stage that fills the job's memory: where the cap is that of the whole process,
-/// what opening and planning left resident is given back when the workers stand ready.
+/// Like [`run_workers`], for a stage that fills the job's memory: if the cap is on the whole process, memory left
+/// resident by opening and planning is released when the workers are ready.
 pub(super) fn run_stage(
     threads: usize,
     cap: MemoryCap,
@@ -67,7 +67,7 @@ fn run(threads: usize, progress: &dyn Progress, ready: &dyn Fn(), work: &Work<'_
         pool.broadcast(|_| guarded());
     }
     first.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).map_or(Ok(()), Err)?;
-    // Not asked again: workers that were stopped have left something undone.
+    // The recorded value counts: stopped workers have left something undone.
     if stopped.into_inner() { Err(BuildFault::Stopped.into()) } else { Ok(()) }
 }
 
@@ -82,8 +82,8 @@ impl Share {
     pub(super) const ALL: Self = Self { number: 0, of: 1 };
 }
 
-/// The blocks in which a volume, or a share of it, is read once: some rows of one slice each, for whichever worker asks
-/// next. A share has the same blocks as the whole.
+/// The blocks in which a volume, or a share of it, is read once: some rows of one slice each, handed to the next idle
+/// worker. A share has the same blocks as the whole.
 pub(super) struct Blocks {
     dims: Dims,
     cols: u32,
@@ -93,7 +93,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Blocks of at most so many samples.
+    /// Blocks of at most `samples` samples.
     pub(super) fn new(dims: Dims, samples: usize) -> Self {
         let most = u32::try_from(samples).unwrap_or(u32::MAX);
         let cols = dims.nx().min(most);
@@ -103,7 +103,7 @@ impl Blocks {
         Self { end: across * down * u64::from(dims.nz()), ..blocks }
     }
 
-    /// A share of them.
+    /// A share of the blocks.
     pub(super) fn of(self, Share { number, of }: Share) -> Self {
         let bound = |number: u32| {
             self.end / u64::from(of) * u64::from(number)
@@ -112,7 +112,7 @@ impl Blocks {
         Self { next: AtomicU64::new(bound(number)), end: bound(number + 1), ..self }
     }
 
-    /// Those of some slices.
+    /// The blocks of some slices.
     pub(super) fn of_slices(self, slices: Range<u32>) -> Self {
         let [across, down] = self.across_and_down();
         let first = |z: u32| across * down * u64::from(z);

@@ -1,4 +1,4 @@
-//! The plan: how a volume is cut into columns so that a build fits its budget.
+//! The plan: the columns into which a volume is cut so that a build fits its budget.
 //!
 //! The plan changes speed and memory only; the bytes of the result do not depend on it.
 
@@ -14,27 +14,27 @@ use crate::budget::{Budget, Reservation, TooSmall};
 use crate::format::Channels;
 use crate::geom::Dims;
 
-/// Slices of one column, so that a few columns of a flat volume still occupy every thread.
+/// Most slices of one column, so that a few columns of a flat volume still occupy every thread.
 const SEGMENT: u32 = 256;
-/// Tiles are narrowed down to this before threads are given up: narrower ones read short rows.
+/// Width down to which tiles are narrowed before threads are given up: narrower ones read short rows.
 const COMFORTABLE_TILE: u32 = 1024;
 const NARROWEST_TILE: u32 = 64;
-/// Chunks for the records of one row of bricks; at least what one brick slice can need.
+/// Chunks for the records of one row of bricks; at least the need of one brick slice.
 const POOL_BYTES: usize = 128 << 10;
 
 /// Sizes of one worker's buffers, and the memory of all workers.
 #[derive(Debug)]
 pub(super) struct ColumnPlan {
-    /// What is scanned: the whole grid, or a part of its bricks.
+    /// The scanned region: the whole grid, or a part of its bricks.
     region: VoxelBox,
     /// Columns (x) of a tile: the whole width, or a multiple of 64.
     pub(super) tile: u32,
     pub(super) threads: usize,
-    /// The channels that are scanned, and the bytes of all their items of one voxel.
+    /// The scanned channels, and the bytes of all their items of one voxel.
     channels: Channels,
     pub(super) swapped_bytes: usize,
     pub(super) pool_bytes: usize,
-    /// The bound that the plan promises to keep, everything included.
+    /// The bound that the plan keeps, everything included.
     pub(super) total_bytes: u64,
     /// Memory of one worker while it scans, its part of the solid included.
     pub(super) scan_bytes: u64,
@@ -51,19 +51,19 @@ pub(super) struct PlanRequest<'a> {
     pub(super) solid_bytes: Box<dyn Fn(&Tile) -> u64 + 'a>,
     /// Memory that a thread may hold for the inputs of the solid.
     pub(super) input_bytes: u64,
-    /// Are cells joined into larger leaves, so that their sides are swapped, too?
+    /// Set if cells are joined into larger leaves, which needs their corner masks swapped as well.
     pub(super) with_sides: bool,
 }
 
 impl ColumnPlan {
-    /// The widest tiles and most threads whose memory the budget grants; it is reserved from then on.
+    /// Finds the widest tiles and most threads whose memory the budget grants, and reserves it.
     ///
     /// # Errors
     /// The narrowest tile of one thread, [`ColumnPlan::smallest`], does not fit.
     pub(super) fn new(request: &PlanRequest<'_>, budget: &Budget) -> Result<Self, TooSmall> {
         let nx = request.dims.nx();
         let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
-        // Workers without a column of their own would only take memory.
+        // Workers without a column of their own would only use memory.
         let columns = Self::sized(request, nx, 1).column_count();
         let most = usize::try_from(columns).unwrap_or(usize::MAX);
         let (mut tile, mut threads) = (nx, request.threads.clamp(1, most));
@@ -85,12 +85,12 @@ impl ColumnPlan {
     /// The memory of the smallest plan.
     ///
     /// # Errors
-    /// Not even that is left, or the process has passed the limit before: a cap is on the peak.
+    /// The budget is smaller, or the process exceeded the limit earlier: a cap is on the peak.
     pub(super) fn smallest(request: &PlanRequest<'_>, budget: &Budget) -> Result<Reservation, TooSmall> {
         Self::sized(request, request.dims.nx().min(NARROWEST_TILE), 1).reserve(request, budget)
     }
 
-    /// Reserves what the workers hold in all stages; what follows them alone fits into the part of one.
+    /// Reserves the workers' memory in all stages; later single-threaded stages fit into the part of one worker.
     fn reserve(&self, request: &PlanRequest<'_>, budget: &Budget) -> Result<Reservation, TooSmall> {
         let channels = &request.channels;
         let joining = if request.with_sides { reduce::worker_bytes(channels) } else { 0 };
@@ -146,7 +146,7 @@ impl ColumnPlan {
         self.tile.div_ceil(BRICK) as usize
     }
 
-    /// Largest payload of a fragment: bits of a brick, and all that the pool holds.
+    /// Largest payload of a fragment: bits of a brick, and the whole content of the pool.
     pub(super) fn payload_bytes(&self) -> usize {
         2 + 32 * 4 + 4096 + self.pool_bytes
     }
@@ -156,7 +156,7 @@ impl ColumnPlan {
         a * b * c
     }
 
-    /// Scans a part of the grid only, which begins at a brick's corner.
+    /// Restricts the scan to a part of the grid, which begins at a brick's corner.
     pub(super) fn limit(&mut self, region: &VoxelBox) {
         self.region.clone_from(region);
     }
@@ -167,8 +167,8 @@ impl ColumnPlan {
         [parts(x, self.tile), parts(y, BRICK), parts(z, SEGMENT)]
     }
 
-    /// Column number `at`: tiles along x first, then rows of bricks, then segments along z, so that what is read of files
-    /// in slices or chunks lies together.
+    /// Column number `at`: tiles along x first, then rows of bricks, then segments along z, so that reads from files in
+    /// slices or chunks lie together.
     pub(super) fn column(&self, at: u64) -> VoxelBox {
         let [tiles, rows, _] = self.column_grid();
         let span = |index: u64, step: u32, side: &Range<u32>| -> Range<u32> {
@@ -190,7 +190,7 @@ mod tests {
     use crate::builder::item::ItemForm;
     use crate::format::Channel;
 
-    /// A plan of which 4 MiB are taken before.
+    /// A plan with 4 MiB of the budget already taken.
     fn plan(nx: u32, limit_bytes: u64, threads: usize) -> Result<ColumnPlan, TooSmall> {
         let budget = Budget::new(limit_bytes);
         let _taken = budget.reserve(limit_bytes.min(4 << 20))?;

@@ -33,12 +33,12 @@ impl ChunkPool {
         Self { bytes: vec![0; chunks * CHUNK_BYTES], next: vec![NONE; chunks], used: 0 }
     }
 
-    /// Is there room for `more` bytes in `chain` (not counting what its last chunk has left)?
+    /// True if there is room for `more` bytes in `chain`, without the free bytes of its last chunk.
     pub(super) fn has_room(&self, more: usize) -> bool {
         self.used + more.div_ceil(CHUNK_BYTES) <= self.next.len()
     }
 
-    /// Appends; the caller has asked [`ChunkPool::has_room`].
+    /// Appends bytes; the caller has checked [`ChunkPool::has_room`].
     pub(super) fn append(&mut self, chain: &mut Chain, mut data: &[u8]) {
         while !data.is_empty() {
             let within = chain.bytes as usize % CHUNK_BYTES;
@@ -73,7 +73,7 @@ impl ChunkPool {
         }
     }
 
-    /// Frees every chunk; all chains are void then.
+    /// Frees every chunk, which invalidates all chains.
     pub(super) fn clear(&mut self) {
         self.used = 0;
     }

@@ -1,4 +1,4 @@
-//! The chosen range in sample units, and how deep inside it a sample lies.
+//! The chosen range in sample units, and the depth of samples inside it.
 
 use crate::format::Selection;
 use crate::volume::{Rescale, Scalar};
@@ -22,9 +22,9 @@ impl<T: Scalar> SampleRange<T> {
 
 /// Samples as positions on an integer line, so that a bound can be found by bisection.
 pub(super) trait Ordered: Scalar {
-    /// NaN, where the type has one.
+    /// NaN, for types that have it.
     const NO_NUMBER: Option<Self>;
-    /// Lowest and highest position (of numbers: NaN has none).
+    /// Lowest and highest position, NaN excluded.
     const ENDS: (i128, i128);
     /// Sample at a position.
     fn at(position: i128) -> Self;
@@ -61,10 +61,10 @@ macro_rules! ordered_float {
 ordered_float!(f32, u32; f64, u64);
 
 impl<T: Ordered> SampleRange<T> {
-    /// The samples whose physical value lies in the selection, or `None` if there are none.
+    /// The samples whose physical value lies in the selection; `None` without any.
     ///
-    /// `slope * sample + intercept` is monotone, so each end is found by bisection over the samples
-    /// with the very predicate that defines it: no rounding of thresholds.
+    /// `slope * sample + intercept` is monotone, so each end is found by bisection over the samples with the predicate
+    /// that defines it: thresholds are not rounded.
     pub(super) fn of_selection(selection: &Selection, rescale: Rescale) -> Option<Self> {
         let physical = |position| {
             let sample = T::at(position).to_f64();
@@ -79,19 +79,19 @@ impl<T: Ordered> SampleRange<T> {
         (lo <= hi).then(|| Self { lo: T::at(lo), hi: T::at(hi) })
     }
 
-    /// The nearest samples below and above the range, where there are any.
+    /// The nearest samples below and above the range; `None` at the ends of the type.
     pub(super) fn nearest_outside(self) -> (Option<T>, Option<T>) {
         let low = first_position::<T>(|p| T::at(p) >= self.lo);
         let high = first_position::<T>(|p| T::at(p) > self.hi);
         (low.filter(|p| *p > T::ENDS.0).map(|p| T::at(p - 1)), high.map(T::at))
     }
 
-    /// Does the range reach to the type's largest sample?
+    /// True if the range extends to the type's largest sample.
     pub(super) fn is_open_above(self) -> bool {
         self.hi >= T::at(T::ENDS.1)
     }
 
-    /// Does the range reach to the type's smallest sample?
+    /// True if the range extends to the type's smallest sample.
     fn is_open_below(self) -> bool {
         self.lo <= T::at(T::ENDS.0)
     }
@@ -111,7 +111,7 @@ impl<T: Ordered> SampleRange<T> {
     }
 }
 
-/// A distance as a depth: 0 for NaN, and at most [`DEPTH_LIMIT`] either way.
+/// A distance as a depth: 0 for NaN, clamped to [`DEPTH_LIMIT`] in magnitude.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of f32")]
 pub(super) fn depth_of(distance: f64) -> f32 {
@@ -122,7 +122,7 @@ pub(super) fn depth_of(distance: f64) -> f32 {
 /// scaling by the largest, stay far from overflow.
 const DEPTH_LIMIT: f64 = 1e30;
 
-/// Highest sample below `bound`, or the lowest of all if there is none.
+/// Highest sample below `bound`, or the lowest of all samples if `bound` is not above it.
 pub(super) fn highest_below<T: Ordered>(bound: f64) -> f64 {
     let first = first_position::<T>(|p| T::at(p).to_f64() >= bound);
     T::at(first.map_or(T::ENDS.1, |p| (p - 1).max(T::ENDS.0))).to_f64()

@@ -5,8 +5,8 @@
 //!      --Joiner--> leaves and the cells that stay --> scratch: bytes as they stand in the model, index entry
 //! ```
 //!
-//! A brick follows from its own cells alone, so neither threads nor memory change it. What is swapped back is final:
-//! infobytes, items and means of each level, which [`super::merge`] only puts in their places.
+//! A brick follows from its own cells alone, so neither threads nor memory change it. The swapped result is final:
+//! infobytes, items and means of each level, which [`super::merge`] only copies to their places.
 #![expect(clippy::cast_possible_truncation, reason = "a brick has at most 2^15 cells")]
 
 use std::sync::{Mutex, PoisonError};
@@ -25,16 +25,16 @@ use crate::format::{Channel, ErrorBound, Sum};
 use crate::geom::{Dims, morton};
 use crate::progress::Progress;
 
-/// Bytes of a reduced brick that make a fragment.
+/// Bytes of a reduced brick per fragment.
 const PART: usize = 128 << 10;
-/// Rows of what can be seen that are read at once, at most.
+/// Most bytes of visibility rows that are read at once.
 const SEEN_BYTES: u64 = 16 << 10;
 /// Cells of a brick.
 const CELLS: u64 = 1 << 15;
 
 const _: () = assert!(LEVELS == BRICK_LEVELS as usize);
 
-/// Memory of one worker: a brick, its corners once more, what joins its cells, and what is swapped back.
+/// Memory of one worker: a brick, its corners once more, the joiner, and the payload to swap.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
     let own: u64 = channels.iter().map(channel_bytes).sum();
     let items: u64 = channels.iter().map(|c| c.form.stored_bytes() as u64).sum();
@@ -56,13 +56,13 @@ pub(super) struct Reduce<'a> {
     channels: &'a StoredChannels,
     bound: Bound,
     depth: u32,
-    /// The cells that can be seen, if others are not kept.
+    /// Cells that can be seen, if others are dropped.
     seen: Option<&'a BitVolume>,
     walk: Mutex<BrickWalk>,
     found: Mutex<Tally>,
 }
 
-/// What a worker found, or all of them.
+/// Results of a worker, or of all of them.
 struct Tally {
     distances: Distances,
     hidden: u64,
@@ -87,7 +87,7 @@ impl<'a> Reduce<'a> {
         }
     }
 
-    /// One worker: groups until there are none.
+    /// Runs one worker until the groups are exhausted.
     pub(super) fn work(&self, stop: &dyn Fn() -> bool, progress: &dyn Progress) -> Result<(), BuildError> {
         let mut worker = Worker {
             reader: BrickReader::with_sides(self.channels),
@@ -122,7 +122,7 @@ impl<'a> Reduce<'a> {
         Ok(())
     }
 
-    /// The bound and what was measured, and how many cells are left out because they cannot be seen.
+    /// The bound with the measured distances, and the number of cells left out because they cannot be seen.
     pub(super) fn found(self) -> (ErrorBound, u64) {
         let found = self.found.into_inner().unwrap_or_else(PoisonError::into_inner);
         let [rms, p99, most] = found.distances.rms_p99_most();
@@ -136,13 +136,13 @@ struct Worker<'a> {
     corners: Vec<(u16, [i8; CORNERS])>,
     writer: FragmentWriter<'a>,
     payload: Vec<u8>,
-    /// Rows of what can be seen.
+    /// Rows of visibility bits.
     rows: Vec<u8>,
     found: Tally,
 }
 
 impl Worker<'_> {
-    /// Reduces a brick and swaps it back; gives its new entry in the index.
+    /// Reduces a brick and swaps it back; returns its new entry in the index.
     fn reduce(
         &mut self,
         stage: &Reduce<'_>,
@@ -227,7 +227,7 @@ impl Worker<'_> {
     }
 }
 
-/// Which cells of a brick can be seen, in Morton order; `rows` is room for bits as they are stored.
+/// Visibility of a brick's cells, in Morton order; `rows` is a buffer for the stored bits.
 fn seen_in(seen: &BitVolume, place: [u32; 3], rows: &mut Vec<u8>) -> Result<[u64; 512], BuildError> {
     const AT_ONCE: usize = SEEN_BYTES as usize / 8;
     let mut words = [0; 512];
@@ -255,7 +255,7 @@ fn seen_in(seen: &BitVolume, place: [u32; 3], rows: &mut Vec<u8>) -> Result<[u64
     Ok(words)
 }
 
-/// The cells as the joiner saw them.
+/// The cells in the joiner's form.
 fn brick_of<'a>(reader: &'a BrickReader, corners: &'a [(u16, [i8; CORNERS])]) -> FineBrick<'a> {
     let items =
         |channel| reader.channels.iter().find(|c| c.channel() == channel).map_or(&[][..], |c| &c.items[..]);
@@ -268,7 +268,7 @@ fn brick_of<'a>(reader: &'a BrickReader, corners: &'a [(u16, [i8; CORNERS])]) ->
     }
 }
 
-/// Appends the items of the cells that stay, of channel number `at`.
+/// Appends the items of channel `at` for the cells that stay.
 fn put_items(
     reader: &BrickReader,
     joiner: &Joiner,
@@ -289,8 +289,8 @@ fn put_items(
     });
 }
 
-/// Appends the means of a channel's boxes with an edge of 4 and more, and leaves the sum of the brick. A leaf counts as
-/// many cells as it has on a side, squared (SPEC 4.9).
+/// Appends the means of a channel's boxes with an edge of 4 and more, and leaves the sum of the brick. The weight of a
+/// leaf is the square of its edge in cells (SPEC 4.9).
 fn put_means(
     reader: &mut BrickReader,
     joiner: &Joiner,
@@ -328,7 +328,7 @@ fn put_means(
     reader.channels[at].sums = sums;
 }
 
-/// Folds sums into those of so many parents.
+/// Folds sums into the sums of `parents` parents.
 fn fold(sums: &mut [Sum], parents: usize) {
     for parent in 0..parents {
         let mut sum = Sum::default();
@@ -339,7 +339,7 @@ fn fold(sums: &mut [Sum], parents: usize) {
     }
 }
 
-/// A reduced brick from the scratch file, to be taken piece by piece.
+/// A reduced brick from the scratch file, read piece by piece.
 #[derive(Default)]
 pub(super) struct Reduced {
     chain: Vec<u64>,
@@ -366,14 +366,14 @@ impl Reduced {
         Ok(())
     }
 
-    /// The next so many bytes.
+    /// The next `len` bytes.
     pub(super) fn take(&mut self, scratch: &Scratch, len: usize) -> Result<&[u8], BuildError> {
         let from = self.used;
         self.used += len;
         self.bytes.get(from..self.used).ok_or_else(|| scratch.error(ScratchFault::Changed.into()))
     }
 
-    /// Nodes with an edge of 2^e of an entry.
+    /// Number of nodes with an edge of 2^e of an entry.
     pub(super) fn nodes(entry: &BrickEntry, e: usize) -> usize {
         boxes_in_brick(entry, e as u32) as usize
     }

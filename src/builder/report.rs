@@ -9,25 +9,25 @@ use crate::text::names::{ISO, LABELS, RANGE};
 /// Results and costs of a build.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
-    /// The inside, with the threshold that was found.
+    /// Selection of the inside, with the threshold that was found.
     pub selection: Selection,
-    /// Skin voxels.
+    /// Number of skin voxels.
     pub skin_voxels: u64,
-    /// Boxes of the surface that cannot be seen and are not kept; `None` if not asked for.
+    /// Boxes of the surface left out because they cannot be seen; `None` if not requested.
     pub hidden: Option<u64>,
     /// Surface boxes that the model represents, including those that larger leaves have replaced.
     pub shown: u64,
-    /// Infobytes.
+    /// Number of infobytes.
     pub nodes: u64,
     /// Length of the file.
     pub file_bytes: u64,
     /// Bytes of every section, by name.
     pub section_bytes: Vec<(&'static str, u64)>,
-    /// The bound that the plan promised to keep.
+    /// Memory bound of the plan.
     pub plan_bytes: u64,
     /// Bytes written to the scratch file.
     pub scratch_bytes: u64,
-    /// Workers used.
+    /// Number of workers.
     pub threads: usize,
     /// Columns (x) of a tile.
     pub tile: u32,
@@ -38,7 +38,7 @@ pub struct BuildReport {
 }
 
 impl BuildReport {
-    /// Bytes that the boxes left out would have taken, if they take as many as those that are kept.
+    /// Estimated bytes saved by leaving boxes out, at the average size of those that are kept.
     pub fn bytes_saved_about(&self) -> u64 {
         let all = u128::from(self.file_bytes) * u128::from(self.hidden.unwrap_or(0));
         u64::try_from(all / u128::from(self.shown.max(1))).unwrap_or(u64::MAX)
@@ -51,36 +51,36 @@ impl BuildReport {
 pub enum BuildNote {
     /// The values are labels; all of them are inside.
     Labels {
-        /// How many there are, 0 apart.
+        /// Number of labels, 0 excluded.
         count: usize,
     },
-    /// The values are few greys in even steps, which labels that lie in each other may be, too.
+    /// The values are few greys in even steps, which may also be nested labels.
     Greys {
-        /// How many there are.
+        /// Number of greys.
         count: usize,
     },
-    /// A value that pads what was not scanned was left out when a threshold was looked for.
+    /// A value that pads the unscanned region was left out when a threshold was looked for.
     Padding {
-        /// The value.
+        /// The padding value.
         value: f64,
     },
-    /// Labels that were asked for have no voxel.
+    /// Requested labels have no voxel.
     LabelsAbsent {
-        /// The first of them.
+        /// The first missing label.
         first: u16,
-        /// How many there are besides.
+        /// Number of further missing labels.
         others: usize,
     },
-    /// Labels that have names have no voxel.
+    /// Named labels have no voxel.
     NamesAbsent {
-        /// The first of them.
+        /// The first missing label.
         first: u16,
-        /// How many there are besides.
+        /// Number of further missing labels.
         others: usize,
     },
-    /// None of the labels that the table of names has is there.
+    /// The labels of the table of names do not occur.
     LabelsUnnamed {
-        /// Labels of the table.
+        /// Number of labels in the table.
         named: usize,
     },
     /// Some samples are NaN, and so outside.
@@ -89,7 +89,7 @@ pub enum BuildNote {
     Infinite,
     /// Every voxel is inside: the model is the box of the volume.
     AllInside {
-        /// How many there are.
+        /// Number of voxels.
         voxels: u64,
     },
 }
@@ -136,7 +136,7 @@ impl fmt::Display for BuildNote {
 pub struct StageSeconds {
     /// Histogram passes of Otsu's method.
     pub histogram: f64,
-    /// Finding out what can be seen.
+    /// Search for visible boxes.
     pub sight: f64,
     /// Part of the scan that one worker waited for the source, on average.
     pub read: f64,

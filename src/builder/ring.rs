@@ -1,8 +1,8 @@
-//! Samples on their way from the file into the ring of slices: as they are, or as depths inside the range.
+//! Samples on their way from the file into the ring of slices: unchanged, or as depths inside the range.
 //!
-//! The type of the file's samples stays behind [`FileRange`], whose functions take whole rows: so solids and workers exist
-//! once for each of the five types of the ring instead of once for each pair of a file's type and a ring's (13), and a row
-//! costs one indirect call.
+//! The type of the file's samples stays behind [`FileRange`], whose functions take whole rows: so solids and workers
+//! are compiled once for each of the five types of the ring instead of once for each pair of a file's type and a ring's
+//! (13), and a row costs one indirect call.
 
 use std::ops::Range;
 
@@ -14,15 +14,15 @@ use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::Selection;
 use crate::volume::{Rescale, Scalar, ScalarType};
 
-/// The form in which samples stand in the ring, and how deep inside the range they are.
+/// Form of the samples in the ring, and their depth inside the range.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingForm {
-    /// True if samples stand as they are in the file, so that slices are read straight into the ring: with one lower
-    /// bound, and a type whose values a single holds exactly. Otherwise the ring holds depths.
+    /// True if ring samples equal the file's, so that slices are read straight into the ring: with one lower bound, and
+    /// a type whose values a single holds exactly. Otherwise the ring holds depths.
     pub(super) in_place: bool,
     /// Type of a ring sample; singles for depths.
     pub(super) scalar: ScalarType,
-    /// Step beyond the border: one unit for integers, so that a sample just at the bound still falls.
+    /// Step beyond the border: one unit for integers, so that depth falls even from a sample at the bound.
     pub(super) unit: f32,
     /// Ends of the range in samples of the file.
     lo: f64,
@@ -45,7 +45,7 @@ impl RingForm {
         }
     }
 
-    /// The form of samples that are inside or not, whatever their values: depths 0 and -1.
+    /// The form of samples that are only inside or outside, whatever their values: depths 0 and -1.
     const MASK: Self =
         Self { in_place: false, scalar: ScalarType::F32, unit: 1.0, lo: 0.0, hi: 0.0, is_open_above: false };
 
@@ -54,7 +54,7 @@ impl RingForm {
         self.lo == self.hi
     }
 
-    /// Ring sample of depth 0.
+    /// Ring sample at depth 0.
     #[inline(always)]
     fn zero(&self) -> f64 {
         if self.in_place { self.lo } else { 0.0 }
@@ -82,7 +82,7 @@ impl RingForm {
         single(level.clamp(-unit, 0.0))
     }
 
-    /// Depth of a ring sample below that level.
+    /// Depth of a ring sample relative to `level`.
     #[inline(always)]
     pub(super) fn depth_from(sample: impl Scalar, level: f32) -> f32 {
         single(sample.to_f64()) - level
@@ -102,21 +102,21 @@ fn single(v: f64) -> f32 {
     v as f32
 }
 
-/// The range that is inside, of samples whose type is known at run time only. Samples are aligned bytes.
+/// The inside range for samples whose type is known at run time only. Samples are aligned bytes.
 pub(super) trait FileRange: Send + Sync {
-    /// The form in which samples stand in the ring.
+    /// Form of the samples in the ring.
     fn form(&self) -> RingForm;
 
-    /// Inside bits of the samples `own` of a row; a word before them and one after them have the sample next to them.
+    /// Inside bits of the samples `own` of a row; the words before and after hold their neighbours in the row.
     fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]);
 
-    /// Looks for samples that a user should know of.
+    /// Searches for samples to report to the user.
     fn look(&self, samples: &[u8], odd: &mut OddSamples);
 
     /// Depths of a row inside the range.
     fn depths(&self, row: &[u8], to: &mut [f32]);
 
-    /// Appends the swapped values of samples, those of `chosen` bits from `first` on, and widens `extent` by them.
+    /// Appends the swapped values of the samples with `chosen` bits, from `first` on, and widens `extent` by them.
     fn push_values(
         &self,
         samples: &[u8],
@@ -127,7 +127,7 @@ pub(super) trait FileRange: Send + Sync {
     );
 }
 
-/// The samples of a volume that lie in a selection, or `None` if no sample can.
+/// The range of samples that lie in a selection, or `None` if no sample can.
 pub(super) fn file_range(
     scalar: ScalarType,
     selection: &Selection,
@@ -136,7 +136,7 @@ pub(super) fn file_range(
     by_type!(scalar, T => Some(Box::new(SampleRange::<T>::of_selection(selection, rescale)?)))
 }
 
-/// A range of a map of labels: how far a label's number is from the range says nothing.
+/// A range of a map of labels: the distance of a label's number from the range has no meaning.
 pub(super) struct MaskRange(pub(super) Box<dyn FileRange>);
 
 impl FileRange for MaskRange {
@@ -222,7 +222,7 @@ impl<T: Ordered> Kernel for DepthKernel<'_, T> {
     fn run(self, _: impl Lanes) {
         for (to, from) in self.to.iter_mut().zip(self.from) {
             let (depth, value) = (self.range.depth(*from), from.to_f64());
-            // Samples that are not finite stay so.
+            // Samples that are not finite stay that way.
             *to = if value.is_finite() { depth } else { depth * f32::INFINITY };
         }
     }

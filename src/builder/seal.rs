@@ -35,14 +35,14 @@ pub(super) fn seal(
         let form = LabelForm::of(labels.len());
         let bytes = code_labels(target, (entries[at].offset, census.voxels), (form, labels), &mut buffer)?;
         entries[at] = SectionEntry::plain(of_labels, 1, bytes, entries[at].offset);
-        // What follows moves up behind the blocks.
+        // Sections behind move up to the end of the blocks.
         for next in at + 1..entries.len() {
             entries[next].offset = align_up(entries[next - 1].end());
         }
     }
     let layout = Layout { entries: entries.clone(), ..Layout::default() };
     let file_bytes = entries.last().map_or(0, SectionEntry::end);
-    // The space between sections reads as zeros, which is what it must be.
+    // The space between sections reads as zeros, as required.
     target.file.set_len(file_bytes).map_err(|e| target.error(e))?;
     let put = |kind, bytes: &[u8]| match layout.offset(kind) {
         Some(at) => target.file.write_all_at(bytes, at).map_err(|e| target.error(e)),
@@ -95,7 +95,7 @@ pub(super) fn seal(
     Ok(entries)
 }
 
-/// Codes the labels that stand behind the longest section of blocks, and gives the length of that section.
+/// Codes the labels stored behind the longest possible section of blocks, and returns the length of that section.
 fn code_labels(
     target: &Target<'_>,
     (section, voxels): (u64, u64),
@@ -105,7 +105,7 @@ fn code_labels(
     let mut at = label_directory_bytes(voxels);
     let (mut directory, mut blocks) = (Run::new(Some(section)), Run::new(Some(section + at)));
     let (mut labels, mut coded) = (Vec::with_capacity(LABEL_GROUP), Vec::new());
-    // Parts are whole groups, but the last.
+    // Parts are whole groups, except the last.
     const { assert!(STEP.is_multiple_of(LABEL_BYTES * LABEL_GROUP)) };
     for_each_part(target, target.layout.labels, LABEL_BYTES as u64 * voxels, buffer, |part| {
         for group in part.chunks(LABEL_BYTES * LABEL_GROUP) {
@@ -155,7 +155,7 @@ fn rank_directory(target: &Target<'_>, nodes: u64, buffer: &mut [u8]) -> Result<
     Ok(crc)
 }
 
-/// Builds a directory, if there is one, of the bytes of a value among those of a section written before.
+/// Builds the directory, if the format has it, for the bytes of a value in a section written before.
 fn directory(
     target: &Target<'_>,
     (of, count): (SectionKind, u64),

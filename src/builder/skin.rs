@@ -9,7 +9,7 @@ use crate::cpu::{Kernel, Lanes, dispatch};
 
 pub(super) const BRICK_ROWS: usize = BRICK as usize;
 
-/// Which neighbours make a voxel skin.
+/// Neighbours that make a voxel skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
 pub enum Connectivity {
     /// A face neighbour is outside: the thin skin, 26-connected, that no 6-connected path crosses.
@@ -31,13 +31,13 @@ impl Connectivity {
     }
 }
 
-/// Which boxes are kept of a row of inside bits.
+/// Rule for the boxes kept in a row of inside bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SkinRule {
     /// Skin voxels.
     Skin(Connectivity),
-    /// Cells: box i lies between samples i - 1 and i along each axis, and is kept when its eight samples are not
-    /// all on one side.
+    /// Cells: box i lies between samples i - 1 and i along each axis, and is kept unless its eight samples are all on
+    /// one side.
     Cells,
 }
 
@@ -45,7 +45,7 @@ pub(super) enum SkinRule {
 /// neighbours before and after.
 pub(super) type Rows<'a> = [[&'a [u64]; 3]; 3];
 
-/// Writes the bits of the boxes that are kept of the middle row.
+/// Writes the bits of the kept boxes of the middle row.
 #[inline(always)]
 fn kept_row(rows: &Rows<'_>, kept: SkinRule, out: &mut [u64]) {
     match kept {
@@ -110,7 +110,7 @@ pub(super) fn corner_samples(rows: &Rows<'_>, half: usize) -> [u64; 4] {
     [a, b, c, d].map(|row| west(row, i) >> shift | (row[i + 1] >> shift & 1 << 31) << 1)
 }
 
-/// Exposed faces of 32 voxels in a row: bit i of each mask set where that face neighbour is outside.
+/// Exposed faces of 32 voxels in a row: bit i of each mask is set where that face neighbour is outside.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exposed {
     /// Faces towards -x, +x, -y, +y, -z, +z.
@@ -128,9 +128,9 @@ pub(super) fn exposed(rows: &Rows<'_>, half: usize) -> Exposed {
     Exposed { faces }
 }
 
-/// Slices of inside bits held: z-1 ..= z+2.
+/// Number of slices of inside bits held: z-1 ..= z+2.
 pub(super) const BIT_RING: usize = 4;
-/// Rows of inside bits of a slice: the tile's and one on either side.
+/// Number of rows of inside bits of a slice: the tile's and one on either side.
 pub(super) const BIT_ROWS: usize = BRICK_ROWS + 2;
 
 /// Writes the skin bits of words `run` of `rows` rows of the tile to their rows of `skin`, and clears those words
@@ -164,8 +164,7 @@ pub(super) struct BitRows<'a> {
 }
 
 impl BitRows<'_> {
-    /// Words `run` of row `row` (the tile's first is 1) of the slice `dz` after the one before, with a word of
-    /// neighbours at either end.
+    /// Words `run` of row `row` (the tile's first is 1) of slice `z - 1 + dz`, with a word of neighbours at either end.
     #[inline(always)]
     fn row(&self, dz: u32, row: usize, run: &Range<usize>) -> &[u64] {
         let slice = self.z.wrapping_add(dz).wrapping_sub(1);

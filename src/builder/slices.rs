@@ -1,7 +1,7 @@
 //! Slices of a volume on their way through a column: read into a ring, and classified.
 //!
-//! A column reads some rows and columns beyond its tile on every side ([`Reach`]). Memory is that of
-//! [`RingShape::bytes`] for any volume.
+//! A column reads some rows and columns beyond its tile on every side ([`Reach`]). [`RingShape::bytes`] states the
+//! memory, for any volume.
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -16,15 +16,15 @@ use crate::format::Channel;
 use crate::geom::Dims;
 use crate::volume::{ScalarType, SourceError, VolumeInfo, VolumeSource};
 
-/// Bytes of a cache line, on every machine of interest.
+/// Bytes of a cache line on current machines.
 const CACHE_LINE: usize = 64;
 
-/// Samples around a box of the model that are wanted with it, along each axis.
+/// Samples needed around a box of the model, along each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reach {
-    /// Before the sample of the same number.
+    /// Number before the sample with the box's number.
     pub(super) low: u32,
-    /// After it.
+    /// Number after it.
     pub(super) high: u32,
 }
 
@@ -34,7 +34,7 @@ impl Reach {
     }
 }
 
-/// Sizes of the buffers through which a volume is read.
+/// Sizes of the buffers that a volume is read through.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingShape {
     pub(super) dims: Dims,
@@ -42,13 +42,13 @@ pub(super) struct RingShape {
     /// Bytes of a sample in the file and in the ring.
     pub(super) file_bytes: usize,
     pub(super) ring_bytes: usize,
-    /// Are slices read straight into the ring?
+    /// Set if slices are read straight into the ring.
     pub(super) in_place: bool,
     pub(super) value_bytes: usize,
 }
 
 impl RingShape {
-    /// The shape for the kindest range of a sample type.
+    /// The shape for the most favourable range of a sample type.
     pub(super) fn kindest(dims: Dims, scalar: ScalarType, reach: Reach) -> Self {
         let in_place = scalar.bytes() <= 2 || scalar == ScalarType::F32;
         let ring_bytes = if in_place { scalar.bytes() } else { size_of::<f32>() };
@@ -107,13 +107,12 @@ impl RingShape {
         self.stride(tile) * self.block(tile).1
     }
 
-    /// Words of those slices: so they are aligned for every type.
+    /// Words of the staging slices: words align the samples for every type.
     fn staging_words(&self, tile: &Tile) -> usize {
         (self.staging_slices(tile) * self.block_samples(tile) * self.file_bytes).div_ceil(size_of::<u64>())
     }
 
-    /// Slices of file samples held in addition to the ring: enough that slice z is still there when its values
-    /// are gathered.
+    /// Slices of file samples held besides the ring: enough that slice z is still there when its values are gathered.
     pub(super) fn staging_slices(&self, tile: &Tile) -> usize {
         match (self.in_place, tile.channels.contains(Channel::Value)) {
             (true, _) => 0,
@@ -123,14 +122,14 @@ impl RingShape {
     }
 }
 
-/// The current column: its place in the volume and the layout of its buffers.
+/// The current column: its position in the volume and the layout of its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) column: VoxelBox,
     /// Rows and columns read: the tile and its halo, within the volume.
     pub(super) rows: Range<u32>,
     pub(super) cols: Range<u32>,
-    /// Samples of a row, from one row of the ring to the next, and of a slice in the ring.
+    /// Samples of a row, samples from one row of the ring to the next, and samples of a slice in the ring.
     pub(super) width: usize,
     pub(super) stride: usize,
     pub(super) samples: usize,
@@ -155,12 +154,12 @@ pub(super) struct Slices<'a, R> {
     staging_len: usize,
     /// Time spent waiting for input.
     pub(super) reading: Duration,
-    /// Were there samples that are NaN, and infinite ones inside?
+    /// Presence of NaN samples, and of infinite ones inside.
     pub(super) odd: OddSamples,
 }
 
 impl<'a, R: RingSample> Slices<'a, R> {
-    /// `R` is the type that the form of the range names.
+    /// `R` must be the type that the range's form states.
     pub(super) fn new(
         source: &'a dyn VolumeSource,
         range: &'a dyn FileRange,
@@ -190,7 +189,8 @@ impl<'a, R: RingSample> Slices<'a, R> {
         }
     }
 
-    /// Begins a column; of boxes that are one more than the volume's voxels, the last ones have no samples.
+    /// Begins a column; a grid of cells has one more box than the volume has voxels, and the last boxes have no
+    /// samples.
     pub(super) fn start(&mut self, column: &VoxelBox) {
         let widen =
             |r: &Range<u32>, n: u32| r.start.saturating_sub(self.reach.low)..(r.end + self.reach.high).min(n);
@@ -239,15 +239,15 @@ impl<'a, R: RingSample> Slices<'a, R> {
         Ok(())
     }
 
-    /// The samples of slice `z` in the ring, with [`OVERREAD`] more behind them. Any number is safe; those that
-    /// are not in the ring have another slice's samples.
+    /// The samples of slice `z` in the ring, with [`OVERREAD`] more behind them. Any `z` is safe; for one outside the
+    /// ring the samples belong to another slice.
     #[inline(always)]
     pub(super) fn plane(&self, z: u32) -> &[R] {
         &self.ring[z as usize % self.reach.ring() * self.plane_len..][..self.plane_len + OVERREAD]
     }
 
-    /// Appends the values of some samples of a slice, as [`FileRange::push_values`]: by rows from `first` on, column and
-    /// row of what is read, bits of those chosen.
+    /// Appends values of a slice, as in [`FileRange::push_values`]: by rows, from column and row `first` of the read
+    /// block on, those with `chosen` bits.
     pub(super) fn push_values(
         &self,
         z: u32,
@@ -270,16 +270,16 @@ impl<'a, R: RingSample> Slices<'a, R> {
     }
 }
 
-/// Samples that a user should know of.
+/// Samples to report to the user.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct OddSamples {
     pub(super) not_numbers: bool,
-    /// Infinite ones that are inside.
+    /// Set for infinite samples that are inside.
     pub(super) infinite: bool,
 }
 
 impl OddSamples {
-    /// Looks for them in parts without a branch, at the speed of memory.
+    /// Searches in branch-free parts, at the speed of memory.
     pub(super) fn look<T: Ordered>(&mut self, samples: &[T], range: SampleRange<T>) {
         const PART: usize = 256;
         if T::NO_NUMBER.is_none() {
@@ -295,8 +295,8 @@ impl OddSamples {
     }
 }
 
-/// Inside bits of the rows wanted, from samples of so many bytes whose rows are `stride` apart; a word of each row stands
-/// before the column and one after it.
+/// Inside bits of the wanted rows, from samples of `bytes` bytes with rows `stride` apart; each row has a word before
+/// the column and one after it.
 fn classify_rows(
     f: &Frame,
     dims: [u32; 3],
@@ -306,7 +306,7 @@ fn classify_rows(
     wanted: &mut OccupancyRows<'_>,
 ) {
     let x0 = (f.column.x.start - f.cols.start) as usize;
-    // Columns that exist.
+    // Columns that exist in the volume.
     let within = f.column.x.len().min((dims[0] - f.column.x.start.min(dims[0])) as usize);
     for y in wanted.y() {
         if y >= dims[1] {

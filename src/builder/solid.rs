@@ -1,4 +1,4 @@
-//! The builder's input: a solid says which voxels are inside, and describes those at its surface.
+//! The builder's input: a solid determines the inside voxels, and describes those at its surface.
 //!
 //! ```text
 //! driver                                    worker of a solid (one per thread)
@@ -8,8 +8,8 @@
 //!   describe(skin voxels of a slice)   -->  items(channel), only at skin voxels  (two slices behind)
 //! ```
 //!
-//! Skin, records, swapping, merging and the file follow from that alone. A box that is all in or all out
-//! is never asked for bits, so a solid that knows its boxes is built at the cost of its surface.
+//! Skin, records, swapping, merging and the file follow from that alone. Bits are never requested for a box that is all
+//! in or all out, so a solid that knows its boxes is built at the cost of its surface.
 
 use std::ops::Range;
 use std::path::Path;
@@ -38,7 +38,7 @@ pub struct VoxelBox {
     pub x: Range<u32>,
     /// Rows.
     pub y: Range<u32>,
-    /// Slices.
+    /// Slices, along z.
     pub z: Range<u32>,
 }
 
@@ -49,36 +49,36 @@ impl VoxelBox {
     }
 }
 
-/// Where the voxels of a box lie.
+/// Sides of the voxels of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cover {
     /// Every voxel is outside.
     Outside,
     /// Every voxel is inside.
     Inside,
-    /// Some are inside and some are not, or the solid cannot tell at this price.
+    /// Voxels on both sides, or too costly to tell.
     Mixed,
 }
 
-/// The work of one worker: its buffers are reserved from this.
+/// Size of one worker's task, from which its buffers are reserved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// Most columns (x) of a [`VoxelBox`] that is walked.
     pub columns: u32,
-    /// The channels that will be asked for.
+    /// The requested channels.
     pub channels: Channels,
 }
 
-/// Results of workers while they described the skin.
+/// Results of workers from describing the skin.
 #[derive(Clone, Copy, Debug)]
 pub struct ScanSummary {
-    /// Smallest and largest single of a channel of [`ItemForm::Scaled`]; infinity and its negative if none.
+    /// Smallest and largest single of a channel of [`ItemForm::Scaled`]; infinity and its negative without any.
     pub extent: (f32, f32),
     /// Time spent waiting for input.
     pub reading: Duration,
-    /// Were there samples that are NaN? They are outside.
+    /// True if samples are NaN, which are outside.
     pub not_numbers: bool,
-    /// Were there infinite samples that are inside?
+    /// True if infinite samples are inside.
     pub infinite: bool,
 }
 
@@ -94,7 +94,7 @@ impl Default for ScanSummary {
 }
 
 impl ScanSummary {
-    /// The results of two workers.
+    /// Joins the results of two workers.
     #[must_use]
     pub fn join(self, other: Self) -> Self {
         Self {
@@ -106,13 +106,13 @@ impl ScanSummary {
     }
 }
 
-/// A set of voxels with attributes at its surface: a volume with a threshold, or anything that can say as much.
+/// A set of voxels with attributes at its surface: a volume with a threshold, or any other source of both.
 ///
-/// Its answer for a voxel must not depend on the order or the size of the boxes asked for: the bytes of the
+/// The answer for a voxel must not depend on the order or the size of the requested boxes: otherwise the bytes of the
 /// model would.
 pub trait Solid: Sync {
-    /// Size of the grid of voxels; what lies beyond is outside. Of cells, one more than the samples along each
-    /// axis: occupancy is then asked of samples that do not exist, which are outside.
+    /// Size of the grid of voxels; the space beyond it is outside. For cells, one more than the samples along each
+    /// axis: occupancy is then also requested of samples that do not exist, which are outside.
     fn dims(&self) -> Dims;
 
     /// The solid that this one describes in another way: it says what is not said here.
@@ -126,17 +126,17 @@ pub trait Solid: Sync {
         SurfaceKind::Skin
     }
 
-    /// Slices before a column whose occupancy its worker wants, too; at least `LOOKAHEAD`.
+    /// Slices before a column whose occupancy its worker needs as well; at least `LOOKAHEAD`.
     fn lookbehind(&self) -> u32 {
         LOOKAHEAD
     }
 
-    /// The model's origin, once the skin has been described. The builder fills in the program
-    /// and the connectivity, and clears what belongs to channels that are not stored.
+    /// The model's origin, once the skin has been described. The builder fills in the program and the connectivity, and
+    /// clears fields of channels that are not stored.
     fn metadata(&self, found: &ScanSummary) -> Metadata;
 
-    /// How the items of a channel, as [`SolidWorker::items`] gives them, are stored; `None` for a channel that
-    /// the solid does not have. Before the scan it is asked with nothing found, for the number of bytes alone.
+    /// Storage form of the items of a channel, as [`SolidWorker::items`] gives them; `None` for a channel that the
+    /// solid lacks. Before the scan it is called with an empty summary, for the number of bytes alone.
     fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm>;
 
     /// Bytes that one worker holds.
@@ -147,7 +147,7 @@ pub trait Solid: Sync {
         self.inner().map_or(0, Solid::input_bytes)
     }
 
-    /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
+    /// A worker for columns at most as wide as the tile. Called on the thread that uses it.
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_>;
 
     /// Name of the solid in errors; it is not stored.
@@ -155,10 +155,10 @@ pub trait Solid: Sync {
         self.inner().map_or_else(|| self.metadata(&ScanSummary::default()).source.kind, Solid::name)
     }
 
-    /// The labels that the scan has found, of a solid that has them; their numbers rise.
+    /// The labels found by the scan, for a solid that has them, by ascending number.
     ///
     /// # Errors
-    /// There are too many.
+    /// There are too many labels.
     fn labels(&self) -> Result<Vec<Label>, BuildError> {
         Ok(Vec::new())
     }
@@ -170,7 +170,7 @@ pub trait Solid: Sync {
         }
     }
 
-    /// Is what the solid is made of still what it was? Asked before the model is given its name.
+    /// Checks that the inputs of the solid are unchanged. Called before the model is given its name.
     ///
     /// # Errors
     /// The input that was changed meanwhile.
@@ -178,26 +178,26 @@ pub trait Solid: Sync {
         self.inner().map_or(Ok(()), Solid::check_unchanged)
     }
 
-    /// What is odd about the choice of what is inside.
+    /// Oddity of the choice of the inside, for the user.
     fn note(&self) -> Option<BuildNote> {
         self.inner()?.note()
     }
 
-    /// Why no voxel is inside, for the user.
+    /// The error for a solid without inside voxels, for the user.
     fn nothing_inside(&self) -> BuildError {
         let own = || BuildError::from(BuildFault::nothing_inside(self.name()));
         self.inner().map_or_else(own, Solid::nothing_inside)
     }
 }
 
-/// Where an edge between two samples meets a surface.
+/// Crossing of an edge between two samples with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeCrossing {
-    /// The sample at its low end; -1 before the first one.
+    /// The sample at the edge's low end; -1 before the first one.
     pub low: [i32; 3],
-    /// The axis along which it runs: 0 for x, 1 for y, 2 for z.
+    /// Axis of the edge: 0 for x, 1 for y, 2 for z.
     pub axis: usize,
-    /// Part of the way from there to the next sample, 0 to 1.
+    /// Fraction of the way from `low` to the next sample, 0 to 1.
     pub along: f64,
     /// Normal of the surface, against the gradient along the index axes; of either sign and any length.
     pub normal: [f64; 3],
@@ -205,47 +205,47 @@ pub struct EdgeCrossing {
 
 /// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.
 pub trait SolidWorker {
-    /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is asked for slices that rise from
+    /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is called for rising slices, from
     /// [`Solid::lookbehind`] before the column to `LOOKAHEAD` after it, as far as they exist.
     ///
     /// # Errors
     /// The solid cannot be read.
     fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError>;
 
-    /// Where the voxels of a box lie. [`Cover::Mixed`] is always right, other answers save work.
+    /// Sides of the voxels of a box. [`Cover::Mixed`] is always correct, other answers save work.
     fn cover(&mut self, region: &VoxelBox) -> Cover {
         let _ = region;
         Cover::Mixed
     }
 
-    /// Sets the bits of the rows asked for.
+    /// Sets the bits of the requested rows.
     ///
     /// # Errors
     /// The solid cannot be read.
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError>;
 
-    /// Sets the bits of voxels that are kept in the rows asked for, of a solid that has walls within: every bit of them.
-    /// Otherwise `false`, and the skin follows from the occupancy. As for [`SolidWorker::describe`], the occupancy of
-    /// the next `LOOKAHEAD` slices has been asked for.
+    /// Sets the bits of the kept voxels in the requested rows, every bit of them, for a solid with walls within.
+    /// Otherwise returns `false`, and the skin follows from the occupancy. As with [`SolidWorker::describe`], the
+    /// occupancy of the next `LOOKAHEAD` slices has been requested.
     fn skin(&mut self, rows: &mut OccupancyRows<'_>) -> bool {
         let _ = rows;
         false
     }
 
-    /// Computes the items of skin voxels, of all channels of the tile; the occupancy of the next
-    /// `LOOKAHEAD` slices has been asked for (except for boxes whose cover was given).
+    /// Computes the items of skin voxels, for all channels of the tile; the occupancy of the next `LOOKAHEAD` slices
+    /// has been requested (except for boxes whose cover was given).
     ///
     /// # Errors
     /// The solid cannot be read.
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError>;
 
-    /// The items of a channel that [`SolidWorker::describe`] has computed, in the order of
-    /// [`SkinSlice::voxels`]; of a sparse channel those of the voxels that have one.
+    /// The items of a channel computed by [`SolidWorker::describe`], in the order of [`SkinSlice::voxels`]; for a
+    /// sparse channel only those of the voxels that have one.
     fn items(&self, channel: Channel) -> &[u8];
 
-    /// Calls `found` with crossings of the surface and edges between neighbouring samples of the slice's cells, as a part
-    /// of a solid of cells is asked for them: at least one of every edge whose ends differ in this solid, where it is
-    /// known. Asked in the place of [`SolidWorker::describe`].
+    /// Calls `found` with crossings between the surface and edges of neighbouring samples in the slice's cells: at
+    /// least one for every edge whose ends differ in this solid, where it is known. Called instead of
+    /// [`SolidWorker::describe`] for a part of a solid of cells.
     ///
     /// # Errors
     /// The solid cannot be read.
@@ -258,30 +258,30 @@ pub trait SolidWorker {
         Ok(())
     }
 
-    /// Results since the worker was made.
+    /// Results since the worker was created.
     fn found(&self) -> ScanSummary {
         ScanSummary::default()
     }
 }
 
-/// Rows of one slice whose occupancy is wanted, one bit a voxel.
+/// Requested rows of one slice's occupancy, one bit a voxel.
 pub struct OccupancyRows<'a> {
-    /// Columns asked for.
+    /// Requested columns.
     pub(super) x: Range<u32>,
-    /// Rows asked for.
+    /// Requested rows.
     pub(super) y: Range<u32>,
     pub(super) z: u32,
     /// x of bit 0 of a row's first word.
     pub(super) origin: i64,
-    /// Words of the rows, and from one row to the next.
+    /// Words of a row, and words from one row to the next.
     pub(super) width: usize,
     pub(super) pitch: usize,
     pub(super) words: &'a mut [u64],
 }
 
 impl<'a> OccupancyRows<'a> {
-    /// Rows of a slice, `width` words long each and one behind the other, whose first bit is at `origin`: to ask
-    /// a solid that is a part of another one.
+    /// Contiguous rows of a slice, each `width` words long with its first bit at `origin`: a request to a solid that is
+    /// a part of another one.
     pub(crate) fn of_slice(
         [x, y]: [Range<u32>; 2],
         z: u32,
@@ -294,13 +294,13 @@ impl<'a> OccupancyRows<'a> {
 }
 
 impl OccupancyRows<'_> {
-    /// Columns asked for.
+    /// The requested columns.
     #[inline]
     pub fn x(&self) -> Range<u32> {
         self.x.clone()
     }
 
-    /// Rows asked for.
+    /// The requested rows.
     #[inline]
     pub fn y(&self) -> Range<u32> {
         self.y.clone()
@@ -312,24 +312,24 @@ impl OccupancyRows<'_> {
         self.z
     }
 
-    /// x of bit 0 of a row's first word; before [`OccupancyRows::x`], below 0 at the border.
+    /// x of bit 0 of a row's first word; less than the start of [`OccupancyRows::x`], and negative at the border.
     #[inline]
     pub fn origin(&self) -> i64 {
         self.origin
     }
 
-    /// The words of row `y`, one of those asked for: bit i of word k is the voxel at `origin + 64 k + i`. Every
-    /// bit of a column asked for has to be written; the others may become anything.
+    /// The words of a requested row `y`: bit i of word k is the voxel at `origin + 64 k + i`. Every bit of a requested
+    /// column has to be written; the others are ignored.
     ///
     /// # Panics
-    /// If the row was not asked for.
+    /// If the row was not requested.
     #[inline]
     pub fn row_mut(&mut self, y: u32) -> &mut [u64] {
         assert!(self.y.contains(&y), "a row that was not asked for");
         &mut self.words[(y - self.y.start) as usize * self.pitch..][..self.width]
     }
 
-    /// Takes out what lies beyond a grid that is smaller than that of the boxes asked for.
+    /// Clears the bits beyond a grid that is smaller than the grid of the requested boxes.
     pub(crate) fn clear_beyond(&mut self, dims: Dims) {
         let (nx, slice_exists) = (i64::from(dims.nx()), self.z < dims.nz());
         for y in self.y.clone() {
@@ -354,7 +354,7 @@ impl OccupancyRows<'_> {
         let bit = |x: u32| u64::try_from(i64::from(x) - self.origin).unwrap_or(0);
         let (first, last) = (bit(start), bit(end.max(start)));
         for (word, base) in self.row_mut(y).iter_mut().zip((0..).step_by(64)) {
-            // Bits below a position, of this word.
+            // Bits of this word below a position.
             let below = |at: u64| match at.saturating_sub(base) {
                 0 => 0,
                 n => u64::MAX >> 64_u64.saturating_sub(n),
@@ -369,13 +369,13 @@ pub struct SkinSlice<'a> {
     pub(super) corner: [u32; 3],
     pub(super) rows: &'a [u32; BRICK_ROWS],
     pub(super) count: usize,
-    /// Occupancy around the slice, and which brick of the tile this is.
+    /// Occupancy around the slice, and index of the brick in the tile.
     pub(super) bits: BitRows<'a>,
     pub(super) brick: usize,
 }
 
 impl SkinSlice<'_> {
-    /// Most voxels of one.
+    /// Most voxels of a slice of a brick.
     pub const MAX_VOXELS: usize = BRICK_ROWS * BRICK_ROWS;
 
     /// Voxel of bit 0 of the first row.
@@ -397,7 +397,7 @@ impl SkinSlice<'_> {
         self.count
     }
 
-    /// Some of the voxels, at least one: bit i of row j is that at `corner + (i, j, 0)`.
+    /// A subset of the voxels, not empty: bit i of row j is the voxel at `corner + (i, j, 0)`.
     pub(crate) fn only<'b>(&'b self, rows: &'b [u32; BRICK_ROWS]) -> SkinSlice<'b> {
         let count = rows.iter().map(|row| row.count_ones() as usize).sum();
         SkinSlice { corner: self.corner, rows, count, bits: self.bits, brick: self.brick }
@@ -423,7 +423,7 @@ impl SkinSlice<'_> {
         if self.rows[j] == 0 { [0; 4] } else { corner_samples(&self.bits.around(j), self.brick) }
     }
 
-    /// Corners inside of every cell, as bits, in the order of [`SkinSlice::voxels`].
+    /// Mask of each cell's inside corners, in the order of [`SkinSlice::voxels`].
     pub(super) fn sides(&self) -> impl Iterator<Item = u8> + '_ {
         self.rows.iter().enumerate().flat_map(move |(j, row)| {
             let corners = self.corner_samples(j);
@@ -437,7 +437,7 @@ impl SkinSlice<'_> {
         })
     }
 
-    /// Faces of row `j`'s voxels that look outside.
+    /// Exposed faces of row `j`'s voxels.
     #[inline]
     pub fn exposed(&self, j: usize) -> Exposed {
         if self.rows[j] == 0 { Exposed::default() } else { exposed(&self.bits.around(j), self.brick) }

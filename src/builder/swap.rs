@@ -30,7 +30,7 @@ pub(super) const ENTRY_BYTES: usize = 32;
 pub(super) const EXTENT_BYTES: usize = 256 << 10;
 /// Bytes of a fragment's head: previous fragment (u64), stored length (u32), raw length (u32).
 const FRAGMENT_HEAD: usize = 16;
-/// Bit of the stored length that says the payload is not compressed.
+/// Bit of the stored length, set for an uncompressed payload.
 const STORED_RAW: u32 = 1 << 31;
 
 /// The index entry of a brick.
@@ -73,7 +73,7 @@ impl BrickEntry {
         }
     }
 
-    /// Has the brick no skin?
+    /// True for a brick without skin.
     pub(super) fn is_empty(&self) -> bool {
         self.last_fragment == 0
     }
@@ -115,18 +115,18 @@ impl Scratch {
         self.written.load(Ordering::Relaxed)
     }
 
-    /// Takes `len` bytes of the file for the caller alone.
+    /// Reserves `len` bytes of the file for the caller alone.
     pub(super) fn take(&self, len: usize) -> u64 {
         self.next.fetch_add(len as u64, Ordering::Relaxed)
     }
 
-    /// Writes at an offset taken before.
+    /// Writes at a reserved offset.
     pub(super) fn write(&self, bytes: &[u8], offset: u64) -> Result<(), BuildError> {
         self.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         self.file.write_all_at(bytes, offset).map_err(|e| self.error(e))
     }
 
-    /// Reads what was written before.
+    /// Reads bytes written before.
     pub(super) fn read(&self, bytes: &mut [u8], offset: u64) -> Result<(), BuildError> {
         self.file.read_exact_at(bytes, offset).map_err(|e| self.error(e))
     }
@@ -150,7 +150,7 @@ impl Scratch {
         self.write(bytes, self.entry_offset(first))
     }
 
-    /// Writes the entry of a brick that had another one.
+    /// Replaces the entry of a brick.
     pub(super) fn replace_entry(&self, brick: [u64; 3], entry: BrickEntry) -> Result<(), BuildError> {
         self.write(&entry.to_bytes(), self.entry_offset(brick))
     }
@@ -171,7 +171,7 @@ impl Scratch {
     }
 }
 
-/// One worker's way into the scratch file: fragments are gathered in an extent and written at once.
+/// One worker's access to the scratch file: fragments are gathered in an extent and written at once.
 ///
 /// Memory: [`EXTENT_BYTES`].
 #[derive(Debug)]
@@ -211,7 +211,7 @@ impl<'a> FragmentWriter<'a> {
         Ok(self.start + at as u64)
     }
 
-    /// Writes what is gathered; to be called once at the end as well.
+    /// Writes the gathered fragments; must also be called once at the end.
     pub(super) fn flush(&mut self) -> Result<(), BuildError> {
         self.scratch.write(&self.extent, self.start)?;
         self.extent.clear();

@@ -1,5 +1,5 @@
-//! From a volume to its solid: behind it a [`Solid`] is asked slice by slice, no matter what it is made of, and the builder
-//! exists once.
+//! From a volume to its solid: the builder requests a [`Solid`] slice by slice, whatever it is made of, and is compiled
+//! once.
 
 use super::cells::{CellSolid, cell_dims};
 use super::choose::Chooser;
@@ -12,7 +12,7 @@ use crate::format::SurfaceKind;
 use crate::geom::Dims;
 use crate::volume::VolumeInfo;
 
-/// Size of the grid of a model of a volume of this size.
+/// Size of the grid of a model from a volume of this size.
 ///
 /// # Errors
 /// The volume is too large for cells.
@@ -25,7 +25,7 @@ pub(super) fn grid_dims(dims: Dims, surface: SurfaceKind, name: &str) -> Result<
     }
 }
 
-/// A volume, and what of it is inside.
+/// A volume with the rule for its inside.
 #[derive(Clone, Copy)]
 pub(super) struct TypedVolume<'a> {
     pub(super) chooser: Chooser<'a>,
@@ -35,7 +35,7 @@ pub(super) struct TypedVolume<'a> {
 }
 
 impl<'a> TypedVolume<'a> {
-    /// The solid of the voxels that the threshold chooses.
+    /// The solid of the voxels chosen by the threshold.
     ///
     /// # Errors
     /// No sample can be chosen, the volume cannot be read, or it is too large for cells.

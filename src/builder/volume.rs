@@ -5,8 +5,8 @@
 //!   slice z               gradient on z-2 ..= z+2 at skin voxels, values of z
 //! ```
 //!
-//! A column reads 2 rows and 2 columns beyond its tile on every side. Memory is that of [`RingShape::bytes`],
-//! whatever the volume holds.
+//! A column reads 2 rows and 2 columns beyond its tile on every side. [`RingShape::bytes`] states the memory, for any
+//! volume.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 use std::path::Path;
@@ -35,7 +35,7 @@ const _: () = assert!(REACH == LOOKAHEAD, "the ring holds what was asked for sin
 /// A skin voxel's neighbourhood.
 pub(super) const AROUND: Reach = Reach { low: REACH, high: REACH };
 
-/// The form of a channel's items, of those that a volume has.
+/// The form of a channel's items; `None` for channels that a volume lacks.
 pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
@@ -53,14 +53,14 @@ pub(super) struct VolumeSolid<'a> {
     pub(super) selection: Selection,
     pub(super) gradient: Gradient,
     pub(super) rule: NormalRule,
-    /// Says which values there are, if none lies in the range.
+    /// Reports the existing values if none lies in the range.
     pub(super) chooser: Chooser<'a>,
-    /// What is odd about the choice.
+    /// Oddity of the choice.
     pub(super) note: Option<BuildNote>,
 }
 
 impl<'a> VolumeSolid<'a> {
-    /// The solid of what has been chosen.
+    /// The solid of a chosen selection.
     pub(super) fn new(chosen: Chosen, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
         let source = chooser.source;
         let Chosen { selection, range, note } = chosen;
@@ -69,7 +69,7 @@ impl<'a> VolumeSolid<'a> {
         Self { source, range, form, selection, gradient, rule, chooser, note }
     }
 
-    /// Where the range begins, in samples of the file, if that is its only end.
+    /// Lower bound of the range in samples of the file; `None` for a range with two ends.
     pub(super) fn bound(&self) -> Option<f64> {
         let rescale = self.source.info().rescale;
         let bound = (self.selection.lo - rescale.intercept) / rescale.slope;
@@ -144,7 +144,7 @@ impl Solid for VolumeSolid<'_> {
     }
 }
 
-/// One thread's ring of slices, and what it found at the skin.
+/// One thread's ring of slices, with its results at the skin.
 struct VolumeWorker<'a, R> {
     slices: Slices<'a, R>,
     rule: &'a NormalRule,
@@ -152,7 +152,7 @@ struct VolumeWorker<'a, R> {
     values: bool,
     gradients: Box<Gradients>,
     codes: Box<Codes>,
-    /// Voxels described last.
+    /// Number of voxels described last.
     count: usize,
     swapped_values: Vec<u8>,
     extent: (f32, f32),
@@ -202,7 +202,7 @@ impl<'a, R: RingSample + Scalar> VolumeWorker<'a, R> {
                         let at = (qy as usize - f.rows.start as usize) * f.stride
                             + (qx as usize - f.cols.start as usize);
                         let depth = form.depth(window.planes[(qz - i64::from(z) + 2) as usize][at]);
-                        // Beyond the border the volume is as far outside as it is inside before it.
+                        // Beyond the border a sample is as deep outside as the nearest one in the volume is inside.
                         if (px, py, pz) == (qx, qy, qz) { depth } else { -depth.abs() - unit }
                     })
                 })
@@ -211,7 +211,7 @@ impl<'a, R: RingSample + Scalar> VolumeWorker<'a, R> {
         });
     }
 
-    /// Skin voxels whose 5x5x5 neighbourhood lies in the volume.
+    /// Mask of the skin voxels whose 5x5x5 neighbourhood lies in the volume.
     fn interior(&self, z: u32, x0: u32, skin: &[u32; BRICK_ROWS]) -> [u32; BRICK_ROWS] {
         let inside = |p: u32, n: u32| p >= REACH && p + REACH < n;
         if !inside(z, self.slices.dims[2]) {

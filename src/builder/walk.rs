@@ -8,16 +8,16 @@ use crate::geom::{Dims, morton};
 /// Bricks of a group along each axis; a group is a box of 4^3 bricks.
 const GROUP: u32 = 4;
 pub(super) const GROUP_BRICKS: usize = (GROUP * GROUP * GROUP) as usize;
-/// Its side in voxels.
+/// Side of a group in voxels.
 pub(super) const GROUP_VOXELS: u32 = GROUP * BRICK;
 
 /// A brick with skin, and its Morton code in the grid of bricks.
 pub(super) type WalkedBrick = (u64, BrickEntry);
 
-/// Visits groups of bricks in Morton order; as an iterator it gives their codes and places.
+/// Visits groups of bricks in Morton order; as an iterator it gives their codes and positions.
 #[derive(Debug)]
 pub(super) struct BrickWalk {
-    /// Groups along x, y, z: the first that is visited, and one past the last.
+    /// Groups along x, y, z: the first visited one, and one past the last.
     first: [u32; 3],
     groups: [u32; 3],
     /// Morton codes of groups: the next one, and one past the last.
@@ -41,8 +41,8 @@ impl BrickWalk {
         Self { first, groups, next: 0, end }
     }
 
-    /// Fills `found` with the bricks of the next group that have skin, in Morton order; `false` at the
-    /// end. A group without any gives an empty list.
+    /// Fills `found` with the bricks of the next group that have skin, in Morton order; `false` at the end. A group
+    /// without skin gives an empty list.
     pub(super) fn next_group(
         &mut self,
         scratch: &Scratch,
@@ -98,8 +98,8 @@ impl Iterator for BrickWalk {
     }
 }
 
-/// The next Morton code after `code` that can be inside along `axis`, where `at[axis] >= limit`:
-/// leaves the largest aligned box that lies wholly beyond the limit.
+/// The next Morton code after `code` that can be inside along `axis`, where `at[axis] >= limit`: skips the largest
+/// aligned box that lies wholly beyond the limit.
 fn skip_outside(code: u64, at: [u32; 3], axis: usize, limit: u32) -> u64 {
     let mut step = 1_u64;
     let mut edge = 1_u32;

@@ -39,7 +39,7 @@ impl<'a> RowWindow<'a> {
     }
 }
 
-/// Set voxels in a row that follow each other without a gap, and the label they have.
+/// Run of set voxels in a row, and its label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Run {
     /// First and last column.
@@ -54,7 +54,7 @@ impl Run {
     }
 }
 
-/// The runs of a row of `nx` voxels, or of what is not set in it.
+/// Finds the runs of a row of `nx` voxels, or of the voxels that are not set in it.
 pub(super) fn find_runs(words: &[u64], nx: u32, inverted: bool, runs: &mut Vec<Run>) {
     runs.clear();
     #[expect(clippy::cast_possible_truncation, reason = "columns are below 2^16")]

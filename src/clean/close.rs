@@ -15,7 +15,7 @@ use crate::budget::{Budget, Reservation, TooSmall};
 use crate::builder::BuildError;
 use crate::progress::Progress;
 
-/// Half width of the element along x in every row (dy, dz) of it; `None` where it has no voxel.
+/// Half width of the element along x in its row (dy, dz); `None` where it has no voxel.
 fn half_width(radius: i64, dy: i64, dz: i64) -> Option<usize> {
     // (R + 1/2)^2 in quarters, so that it is whole.
     let left = (2 * radius + 1).pow(2) - 4 * (dy * dy + dz * dz);
@@ -32,7 +32,7 @@ pub(super) fn bytes(row_words: usize, radius: u32, rows: u64) -> u64 {
     (2 * r + 1) * padded * (2 * rows + 6 * r) + 4 * padded
 }
 
-/// Most bytes of one slice of a strip, so that the allocator keeps nothing of it (see `paged`).
+/// Most bytes of one slice of a strip, so that the allocator keeps none of it (see `paged`).
 const SLICE_BYTES: u64 = 96 << 10;
 const _: () = assert!(SLICE_BYTES < MAPPED_FROM as u64);
 
@@ -54,7 +54,7 @@ fn strip_rows(bits: &BitVolume, radius: u32, room_bytes: u64) -> u32 {
 /// Rows of a strip for [`close`], as many as the budget grants, and their memory.
 ///
 /// # Errors
-/// There is not enough for one row.
+/// The budget is too small for one row.
 pub(super) fn reserve_strips(
     bits: &BitVolume,
     radius: u32,
@@ -158,7 +158,7 @@ impl<'a> Strip<'a> {
         let mut added = 0;
         for z in -2 * r..nz + 2 * r {
             self.read(z)?;
-            // The first whole ring around slice -R is there once slice 0 is.
+            // The first ring, around slice -R, is complete with slice 0.
             if z >= 0 {
                 self.dilate(z - r);
             }

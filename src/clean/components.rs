@@ -1,11 +1,11 @@
 //! Connected components of a bit volume, labelled as a stream: two passes, memory of a few rows.
 //!
-//! **Forward**, rows in the order of the volume. A row falls into *runs*. A run joins the runs of the rows next
-//! to it that were there before (the one above, and those of the slice before) in a union-find over *nodes*:
-//! the components that reach the slice before, and the runs of this slice that began a component. At the end
-//! of a slice every component that has a run in it gets a *slot*, in the order of first appearance; slots are
-//! the first nodes of the next slice, with what the component has gathered so far. Every slot of the slice
-//! before learns which slot goes on with it, or that its component is finished, and what that was.
+//! **Forward**, rows in the order of the volume. A row falls into *runs*. A run joins the neighbouring runs that came
+//! before it (in the row above, and in the slice before) in a union-find over *nodes*: the components that reach the
+//! slice before, and the runs of this slice that began a component. At the end of a slice every component that has a
+//! run in it gets a *slot*, in the order of first appearance; slots are the first nodes of the next slice, with the
+//! sums of their components so far. Every slot of the slice before gets a link to the slot that continues it, or its
+//! finished component.
 //!
 //! ```text
 //!   slice z - 1     slot 0     slot 1   slot 2          links of its slots: 0, 0, finished (size, first voxel)
@@ -13,8 +13,8 @@
 //!   slice z              slot 0         slot 1 (new)
 //! ```
 //!
-//! **Backward**, slices from the last to the first: a slot's fate is that of its link, or what the rule says of
-//! a finished component. Each run has its slot written down, and its bits are changed if its fate says so.
+//! **Backward**, slices from the last to the first: a slot has the fate of its link, or the rule decides on its
+//! finished component. Each run has its slot written down, and its bits are changed if its fate says so.
 //!
 //! Runs, links and finished components are lists in scratch files, written and read in order; nodes and fates
 //! are tables of one slice, paged to a scratch file where they outgrow their cache. No component is ever
@@ -41,7 +41,7 @@ use crate::progress::Progress;
 
 /// Link of a slot whose component is finished.
 const FINISHED: u32 = u32::MAX;
-/// Which voxels are neighbours.
+/// Neighbourhood of voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 pub enum ComponentConnectivity {
     /// Voxels that share a face.
@@ -53,7 +53,7 @@ pub enum ComponentConnectivity {
 }
 
 impl ComponentConnectivity {
-    /// The connectivity of what is left over: a surface that one cannot cross parts the other.
+    /// The connectivity of the other voxels: a surface of one that cannot be crossed separates the other.
     pub(crate) fn complement(self) -> Self {
         match self {
             Self::Faces6 => Self::Corners26,
@@ -61,7 +61,7 @@ impl ComponentConnectivity {
         }
     }
 
-    /// 6 or 26.
+    /// Number of neighbours: 6 or 26.
     pub(crate) fn neighbours(self) -> u8 {
         match self {
             Self::Faces6 => 6,
@@ -70,17 +70,17 @@ impl ComponentConnectivity {
     }
 }
 
-/// Where the lists of a slice begin: runs, links, finished components.
+/// Offsets of the lists of a slice: runs, links, finished components.
 type SliceStart = [u64; 3];
 const RUNS: usize = 0;
 const LINKS: usize = 1;
 const FINISHES: usize = 2;
 
-/// A volume to label, and the means for it.
+/// A volume to label, with the parameters and resources for it.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) bits: &'a BitVolume,
-    /// Label what is not set?
+    /// True to label the voxels that are not set.
     pub(super) inverted: bool,
     pub(super) connectivity: ComponentConnectivity,
     pub(super) largest: usize,
@@ -103,22 +103,22 @@ fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
     2 * RowWindow::bytes(row_words) + 5 * runs + 6 * BUFFER_BYTES as u64 + 2 * 16 * largest as u64
 }
 
-/// The least that a task can do with.
+/// Least memory of a task.
 pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
     fixed_bytes(dims, largest) + 3 * Sets::MIN_BYTES
 }
 
 pub(super) struct TaskMemory {
-    /// Memory for the cache of a table of one slice, of which each pass has two.
+    /// Memory for the cache of a table of one slice; each pass has two.
     table_bytes: u64,
     _held: [Reservation; 2],
 }
 
 impl TaskMemory {
-    /// Memory that two tables can use, as far as the budget grants it, and all else.
+    /// Reserves the least memory, and as much more as two tables can use and the budget grants.
     ///
     /// # Errors
-    /// There is less than [`least_bytes`].
+    /// The budget is below [`least_bytes`].
     pub(super) fn reserve(dims: Dims, largest: usize, budget: &Budget) -> Result<Self, TooSmall> {
         let least = budget.reserve(least_bytes(dims, largest))?;
         let useful = 2 * (most_table_bytes(dims, Sets::NODE_BYTES) - Sets::MIN_BYTES);
@@ -130,7 +130,7 @@ impl TaskMemory {
 /// Most bytes that a table of one slice can fill.
 fn most_table_bytes(dims: Dims, item_bytes: usize) -> u64 {
     let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
-    // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
+    // Nodes are the runs of two slices at most; pages are whole, and come in sets.
     2 * runs * (item_bytes as u64 + 1) + Sets::MIN_BYTES
 }
 
@@ -237,7 +237,7 @@ impl<'l, 'a> Forward<'l, 'a> {
         self.end_volume().map_err(failed)
     }
 
-    /// Notes where the lists of the next slice begin.
+    /// Records the offsets of the lists of the next slice.
     fn start(&mut self) -> io::Result<SliceStart> {
         let to = &mut *self.to;
         let start = [to.runs.len(), to.links.len(), to.finished.len()];
@@ -338,7 +338,7 @@ impl<'l, 'a> Forward<'l, 'a> {
         Ok(())
     }
 
-    /// Nothing goes on beyond the last slice.
+    /// Ends the volume: every component of the last slice is finished.
     fn end_volume(&mut self) -> io::Result<()> {
         self.start()?;
         for slot in 0..self.slots {
@@ -371,12 +371,13 @@ impl<'l, 'a> Forward<'l, 'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
     pub(super) kept: u64,
-    /// Voxels of the others, whose bits were changed.
+    /// Voxels of dropped components, whose bits were changed.
     pub(super) changed: u64,
 }
 
 impl Labelled<'_> {
-    /// The backward pass: components that `keep` refuses are cleared, or, if what is not set was labelled, set.
+    /// The backward pass: voxels of components that `keep` refuses are turned: cleared, or set if the unset ones were
+    /// labelled.
     ///
     /// # Errors
     /// The scratch files fail.

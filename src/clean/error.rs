@@ -1,4 +1,4 @@
-//! Why cleaning stops, as a value with its sentence.
+//! Errors of cleaning, as values with their sentences.
 
 use std::io;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::format::Selection;
 use crate::text::names::DROP_BELOW;
 
-/// Most components that can be asked for by [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
+/// Largest value of [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
 pub const MAX_LARGEST: u32 = 4000;
 
 opaque_error! {
@@ -18,7 +18,7 @@ opaque_error! {
     CleanError(CleanFault)
 }
 
-/// Why, with its sentence.
+/// Faults of cleaning, with their sentences.
 #[derive(Debug, Error)]
 pub(crate) enum CleanFault {
     #[error(transparent)]
@@ -26,7 +26,7 @@ pub(crate) enum CleanFault {
     #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept")]
     Options {
         close: u32,
-        /// Components to keep, if it was asked for.
+        /// Number of components to keep, if chosen.
         keep_largest: Option<u32>,
     },
     #[error("the range holds no sample of this volume's type")]
@@ -63,7 +63,7 @@ impl CleanError {
 }
 
 impl CleanError {
-    /// Is no component left?
+    /// True if no component is left.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self.fault(), CleanFault::NothingKept { .. })
     }

@@ -9,10 +9,10 @@ use crate::volume::{SourceError, SourceFault, VolumeInfo, VolumeSource, Wrapper}
 /// Bytes of occupancy that are read at a time: at least one row.
 const READ_BYTES: usize = 32 << 10;
 
-/// The original volume, but for voxels that were removed or added: these have the sample value on the other
-/// side of the threshold that is nearest to their own.
+/// The original volume, except for voxels that were removed or added: these have the nearest sample value on the other
+/// side of the threshold.
 ///
-/// The range test of the result is the occupancy, so the builder needs to know nothing of cleaning.
+/// The range test of the result is the occupancy, so the builder need not know about cleaning.
 pub(super) struct Masked<'a> {
     source: &'a dyn VolumeSource,
     info: VolumeInfo,

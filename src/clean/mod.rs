@@ -4,7 +4,7 @@
 //! the *occupancy*, one bit per voxel in an unnamed scratch file, and end in a volume whose samples agree with it:
 //! the builder need not know about cleaning.
 //!
-//! Operations have a fixed order, independent of that of the options:
+//! Operations have a fixed order, whatever the order of the options:
 //!
 //! | | operation | extra passes | memory |
 //! |---|---|---|---|
@@ -53,8 +53,8 @@ use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
 use masked::Masked;
 
-/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
-/// [`crate::clean::CleanOptions::clean`], less that before.
+/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it: the growth of
+/// anonymous memory over [`crate::clean::CleanOptions::clean`].
 const CLEANING_LEFT_OVER: u64 = 640 << 10;
 
 /// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it.
@@ -62,12 +62,12 @@ fn reserve_left_over(budget: &Budget) -> Result<Reservation, TooSmall> {
     budget.reserve(if budget.is_process() { CLEANING_LEFT_OVER } else { 0 })
 }
 
-/// Which components are too small.
+/// Limit below which components are too small.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SizeLimit {
-    /// Those of fewer voxels.
+    /// Components of fewer voxels are dropped.
     Voxels(u64),
-    /// Those of less than this part of the largest one's voxels, in percent.
+    /// Components below this percentage of the largest one's voxels are dropped.
     PercentOfLargest(f64),
 }
 
@@ -101,8 +101,8 @@ pub struct CleanOptions {
     pub preset: Option<Preset>,
     /// Radius of the closing in voxels, 1 or 2; 0 for none.
     pub close: u32,
-    /// Turn cavities, which are parts of the outside that the border of the volume does not touch, into inside?
-    /// They are connected as `ComponentConnectivity::complement` says.
+    /// True to turn cavities into inside: parts of the outside that the border of the volume does not touch. They are
+    /// connected by `ComponentConnectivity::complement`.
     pub fill_cavities: bool,
     /// Keep this many of the largest components; of equal ones those whose first voxel comes first in the order
     /// z, y, x.
@@ -110,7 +110,7 @@ pub struct CleanOptions {
     /// Drop components that are too small.
     #[serde(deserialize_with = "some_text")]
     pub drop_below: Option<SizeLimit>,
-    /// Which voxels are of one component.
+    /// Neighbourhood that connects the voxels of a component.
     pub connectivity: ComponentConnectivity,
 }
 
@@ -129,18 +129,18 @@ impl Default for CleanOptions {
     }
 }
 
-/// Passes that cleaning adds to those of a build.
+/// Passes that cleaning adds to a build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ExtraPasses {
-    /// Over the samples of the volume.
+    /// Passes over the samples of the volume.
     pub volume: u32,
-    /// Over its occupancy, a bit a voxel.
+    /// Passes over its occupancy, a bit a voxel.
     pub occupancy: u32,
 }
 
 impl CleanOptions {
-    /// Is there anything to do on the occupancy?
+    /// True if an operation works on the occupancy.
     pub(crate) fn works_on_bits(&self) -> bool {
         self.close > 0 || self.fill_cavities || self.drops()
     }
@@ -149,7 +149,7 @@ impl CleanOptions {
         self.keep_largest.is_some() || self.drop_below.is_some()
     }
 
-    /// Passes beyond those of the build.
+    /// Passes beyond the build's.
     pub(crate) fn extra_passes(&self) -> ExtraPasses {
         ExtraPasses {
             volume: u32::from(self.works_on_bits()),
@@ -171,7 +171,7 @@ impl CleanOptions {
         list
     }
 
-    /// Operations on the occupancy, in the same way.
+    /// Operations on the occupancy, named in the same way.
     fn bit_operations(&self) -> Vec<String> {
         let mut list = Vec::new();
         if self.close > 0 {
@@ -194,13 +194,13 @@ impl CleanOptions {
         list
     }
 
-    /// Everything that is asked for, as on the command line, in the order in which it is done.
+    /// Names of the chosen operations, as on the command line, in the order of their execution.
     pub fn operations(&self) -> Vec<String> {
         let preset = self.preset.map(|preset| format!("preset {}", preset.name()));
         self.volume_operations().into_iter().chain(preset).chain(self.bit_operations()).collect()
     }
 
-    /// Is nothing asked for?
+    /// True if no operation is chosen.
     pub(crate) fn is_empty(&self) -> bool {
         self.roi.is_none() && self.downsample.is_none() && self.preset.is_none() && !self.works_on_bits()
     }
@@ -239,11 +239,12 @@ impl CleanOptions {
         }
         let dry = Budget::dry(kind);
         let _least = self.reserve_least(source, options, &dry);
-        // What is resident is read again before the build, with what cleaning has left, which was reserved.
+        // Resident memory is read again before the build, together with the left-over memory of cleaning, which was
+        // reserved.
         dry.smallest_limit(1)
     }
 
-    /// Reserves the least that every operation can do with, and then what the build after them cannot do without.
+    /// Reserves the least memory of every operation, and then of the build after them.
     fn reserve_least(
         &self,
         source: &dyn VolumeSource,
@@ -256,7 +257,7 @@ impl CleanOptions {
         builder::reserve_least(source, options, budget).map(drop)
     }
 
-    /// The least that every operation can do with, without what is held all the time.
+    /// Least memory of every operation, without memory that is held all the time.
     fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
         let dims = source.info().dims;
         let mut least = builder::occupancy_worker_bytes(source);
@@ -269,19 +270,19 @@ impl CleanOptions {
         least
     }
 
-    /// How many of the largest components the rule has to know.
+    /// Number of the largest components that the rule must know.
     fn largest(&self) -> usize {
         self.keep_largest.unwrap_or(1).clamp(1, MAX_LARGEST) as usize
     }
 
     /// Cleans the occupancy of a prepared (and reshaped) volume; `None` where there is nothing to do.
     ///
-    /// [`Cleaned::source`] is then built with [`builder::Threshold::Chosen`] of [`Cleaned::selection`]. Memory,
-    /// threads and scratch folder are those of the build.
+    /// [`Cleaned::source`] is then built with [`builder::Threshold::Chosen`] of [`Cleaned::selection`]. Memory, threads
+    /// and scratch folder are the build's.
     ///
     /// # Errors
-    /// The options are out of range, the cap is too small (with the smallest that works), the volume cannot be
-    /// read, scratch files fail, or nothing is left.
+    /// The options are out of range, the cap is too small (with the smallest that works), the volume cannot be read,
+    /// scratch files fail, or no voxel is left.
     pub fn clean<'a>(
         &self,
         source: &'a dyn VolumeSource,
@@ -306,10 +307,10 @@ impl CleanOptions {
         CleanJob { clean: self, source, options, scratch: options.scratch_folder(output), progress }
     }
 
-    /// The occupancy of some slices of a prepared volume into `bits`, which begin with them.
+    /// Writes the occupancy of some slices of a prepared volume into `bits`, which begin with them.
     ///
     /// # Errors
-    /// As [`Self::clean`].
+    /// The errors of [`Self::clean`].
     pub(crate) fn occupancy_of(
         &self,
         source: &dyn VolumeSource,
@@ -327,7 +328,7 @@ impl CleanOptions {
     /// Cleans the occupancy of a whole volume; with the scratch files beside `output`.
     ///
     /// # Errors
-    /// As [`Self::clean`].
+    /// The errors of [`Self::clean`].
     pub(crate) fn clean_bits(
         &self,
         source: &dyn VolumeSource,
@@ -346,7 +347,7 @@ impl CleanOptions {
         Ok((bits, report))
     }
 
-    /// A volume with the occupancy that cleaning has given; the threshold of the options has been chosen.
+    /// A volume with the given occupancy of cleaning; the threshold of the options has been chosen.
     ///
     /// # Errors
     /// No sample can lie within it.
@@ -385,7 +386,7 @@ pub struct CleanReport {
     pub voxels_added: u64,
     /// Voxels of dropped components.
     pub voxels_removed: u64,
-    /// Components found; 0 when they were not asked for.
+    /// Components found; 0 when they were not counted.
     pub components: u64,
     /// Components that were kept.
     pub kept: u64,
@@ -393,7 +394,7 @@ pub struct CleanReport {
     pub scratch_bytes: u64,
     /// Wall time.
     pub seconds: f64,
-    /// What is odd about the volume, or its threshold.
+    /// Note on an odd volume or threshold.
     pub note: Option<BuildNote>,
 }
 
@@ -460,11 +461,11 @@ impl<'a> CleanJob<'_, 'a> {
         }
     }
 
-    /// Cleans the occupancy, of which `report` says how many voxels are inside.
+    /// Cleans the occupancy; `report` has the number of voxels inside.
     fn work(&self, mut bits: BitVolume, report: &mut CleanReport) -> Result<BitVolume, CleanError> {
         let info = self.source.info();
         report.scratch_bytes = bits.bytes();
-        // A volume without any voxel inside is refused by the builder, with the values that there are.
+        // The builder refuses a volume without any voxel inside, and names its values.
         if report.voxels > 0 {
             if self.clean.close > 0 {
                 let closed = BitVolume::create(&self.scratch, info.dims)?;
@@ -499,7 +500,7 @@ impl<'a> CleanJob<'_, 'a> {
         Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report }
     }
 
-    /// Is there room for cleaning, and for the build after it?
+    /// Checks that there is memory for cleaning, and for the build after it.
     fn check_budget(&self) -> Result<(), BuildError> {
         let memory = self.options.memory;
         self.clean.reserve_least(self.source, self.options, &Budget::of_job(memory)).map_err(|_| {
@@ -511,15 +512,15 @@ impl<'a> CleanJob<'_, 'a> {
         })
     }
 
-    /// Memory that one operation may hold, from what is resident now. Never less than what was found to fit when cleaning
-    /// began: what has been left since is counted once, in [`CLEANING_LEFT_OVER`].
+    /// Memory that one operation may hold, beyond the resident memory. Never less than the amount found to fit when
+    /// cleaning began: memory left over since then is counted once, in [`CLEANING_LEFT_OVER`].
     fn budget(&self) -> Budget {
         let now = Budget::of_job(self.options.memory);
         let _left_over = reserve_left_over(&now);
         Budget::new(now.left_bytes().max(self.clean.least_bytes(self.source)))
     }
 
-    /// The error for an operation whose least was not counted.
+    /// The error of an operation whose least memory was not counted.
     fn too_small(&self, refused: TooSmall) -> BuildError {
         let limit_bytes = self.options.memory.bytes();
         BuildError::from(BuildFault::BudgetTooSmall {
@@ -529,7 +530,7 @@ impl<'a> CleanJob<'_, 'a> {
         })
     }
 
-    /// The range test of slices of the volume; returns how many voxels are inside.
+    /// The range test of slices of the volume; returns the number of voxels inside.
     fn test_range(
         &self,
         bits: &BitVolume,

@@ -11,15 +11,15 @@ use crate::scratch::unnamed;
 
 /// Words of a page are at most this.
 const PAGE_WORDS: usize = 512;
-/// Pages that compete for the same places; the one not used for longest gives way.
+/// Pages that compete for the same places; the least recently used one gives way.
 const WAYS: usize = 4;
 const NO_PAGE: u64 = u64::MAX;
-/// Pages that are allocated together: 64 KiB. Larger buffers would be mapped one by one by the C library's
-/// allocator, and freeing a mapped one makes it keep as much of its heap from then on.
+/// Pages that are allocated together: 64 KiB. The C library's allocator would map larger buffers one by one, and
+/// freeing a mapped one makes it keep as much of its heap from then on.
 const CHUNK_PAGES: usize = 16;
 const _: () = assert!(CHUNK_PAGES * PAGE_WORDS * 8 < MAPPED_FROM);
-/// Most pages of a cache, 20 MiB of them, so that the list of places stays below that size too. The system's
-/// page cache holds what is beyond.
+/// Most pages of a cache, 20 MiB of them, so that the list of places stays below that size too. Pages beyond are left
+/// to the system's page cache.
 const MAX_PAGES: u64 = 5120;
 
 /// A table of items that grows at its end.
@@ -151,7 +151,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
             }
         };
         if self.clock == u32::MAX {
-            // The order of use is forgotten once in a long while.
+            // The order of use is reset now and then.
             self.clock = 0;
             self.places.iter_mut().for_each(|p| p.used = 0);
         }
@@ -161,8 +161,8 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(place)
     }
 
-    /// Puts a page in place of another. A page beyond the last is new: what the file holds there, if anything,
-    /// is from before [`PagedTable::clear`].
+    /// Puts a page in place of another. A page beyond the last is new: old content of the file there is from before
+    /// [`PagedTable::clear`].
     fn bring(&mut self, page: u64, place: usize) -> io::Result<()> {
         let old = self.places[place];
         let page_words = self.page_words;

@@ -58,7 +58,7 @@ impl Preset {
         Self::ALL.into_iter().find(|preset| preset.name() == text)
     }
 
-    /// Its range in HU.
+    /// Threshold or range in HU.
     pub fn threshold(self) -> Threshold {
         match self {
             Self::Bone => Threshold::Iso(226.0),

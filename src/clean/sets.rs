@@ -12,7 +12,7 @@ const NO_SLOT: u32 = u32::MAX;
 /// Marks a component that touches the border of the volume, in the field of its first voxel (below 2^48).
 const BORDER: u64 = 1 << 63;
 
-/// A component as far as it is known.
+/// The known part of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Component {
     pub(super) voxels: u64,
@@ -26,7 +26,7 @@ impl Component {
         Self { voxels, first: first | if touches_border { BORDER } else { 0 } }
     }
 
-    /// As two words, for a list.
+    /// The two words of a list entry.
     pub(super) fn words(self) -> [u64; 2] {
         [self.voxels, self.first]
     }
@@ -67,8 +67,8 @@ impl Ord for Component {
     }
 }
 
-/// A node of the union-find of one slice, as it lies in a table: voxels and first voxel of its component, and
-/// its parent in the low half and its slot in the high half of the last word.
+/// A node of the union-find of one slice, as stored in a table: voxels and first voxel of its component, and its parent
+/// in the low half and its slot in the high half of the last word.
 type Node = [u64; 3];
 
 fn node(component: Component, parent: u32) -> Node {
@@ -98,7 +98,7 @@ impl Sets {
 
     pub(super) const MIN_BYTES: u64 = PagedTable::<Node>::MIN_BYTES;
 
-    /// No sets; `bytes` of their table are held in memory, what is more lies in `folder`.
+    /// Empty sets; `bytes` of their table are held in memory, the rest lies in `folder`.
     pub(super) fn new(folder: &Path, bytes: u64) -> io::Result<Self> {
         Ok(Self { nodes: PagedTable::new(folder, bytes)? })
     }

@@ -38,7 +38,7 @@ impl<T: bytemuck::Pod> Stream<T> {
         Ok(())
     }
 
-    /// Makes everything readable.
+    /// Makes all items readable.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.file.write_all_at(bytemuck::cast_slice(&self.waiting), self.written * size_of::<T>() as u64)?;
         self.written += self.waiting.len() as u64;
@@ -46,7 +46,7 @@ impl<T: bytemuck::Pod> Stream<T> {
         Ok(())
     }
 
-    /// Replaces every item of a section, which is flushed, by what `change` makes of it.
+    /// Replaces every item of a section, which is flushed, by the result of `change`.
     pub(super) fn rewrite(
         &mut self,
         section: Range<u64>,

@@ -1,4 +1,4 @@
-//! Every operation against its definition, voxel by voxel, on random volumes and on shapes that are hard.
+//! Tests of every operation against its definition, voxel by voxel, on random volumes and on difficult shapes.
 #![expect(clippy::cast_possible_truncation, reason = "numbers made up for the tests")]
 
 use std::path::Path;
@@ -117,7 +117,7 @@ impl Cells {
     }
 }
 
-/// How many of the largest components the tests ask for.
+/// Number of the largest components that the tests ask for.
 const LARGEST: usize = 3;
 
 /// The least memory that a task can do with.

@@ -28,8 +28,8 @@ impl<'r> Bytes<'r> {
         Ok(byte)
     }
 
-    /// The next eight bytes, the first one highest, if they are buffered and none of them is 0xFF (which
-    /// may open a marker). They are not taken; [`Bytes::take`] does that.
+    /// The next eight bytes, the first one highest, if they are buffered and none of them is 0xFF (which may open a
+    /// marker). They are only peeked at; [`Bytes::take`] consumes them.
     #[inline]
     pub(super) fn eight_plain(&self) -> Option<u64> {
         let eight = self.buffer.get(self.at..)?.first_chunk::<8>()?;
@@ -45,7 +45,7 @@ impl<'r> Bytes<'r> {
         self.at = (self.at + count).min(self.buffer.len());
     }
 
-    /// One read into the empty buffer; it stays empty at the end of the input.
+    /// Reads once into the empty buffer; it stays empty at the end of the input.
     fn fill(&mut self) -> Result<(), CodecError> {
         self.buffer.resize(BUFFER_BYTES, 0);
         self.at = 0;

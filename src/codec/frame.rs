@@ -13,7 +13,7 @@ pub(crate) struct FrameFormat {
     pub(crate) components: u8,
     /// Bits per sample.
     pub(crate) precision: u8,
-    /// Are samples two's complement? False where the codestream cannot say.
+    /// True for samples in two's complement; false where the codestream cannot say.
     pub(crate) signed: bool,
 }
 
@@ -23,7 +23,7 @@ pub(crate) trait RowSink {
     /// refuses ends the decoding with its error.
     ///
     /// # Errors
-    /// The format is not what the receiver expects.
+    /// The receiver expects another format.
     fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError>;
 
     /// One row: `columns * components` samples, the components of a pixel side by side. Unsigned samples

@@ -1,8 +1,8 @@
 //! Decoders of compressed images, one frame at a time, row by row.
 //!
-//! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a
-//! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
-//! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
+//! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a DICOM
+//! element. Its memory is bounded by the limit it is given, and its time by the size that the receiver accepted: a
+//! number in a codestream alone causes neither allocations nor loops.
 
 mod bytes;
 mod error;

@@ -29,11 +29,10 @@ pub(crate) struct RleFormat {
 
 /// Decodes one RLE frame.
 ///
-/// The code does not know which bits of a sample are in use, nor whether it has a sign: every sample comes
-/// as the unsigned value of all its bytes (32 bits as their pattern), and masking to the stored bits and
-/// extending the sign are left to the caller. Components come side by side regardless of the planar configuration
-/// of the file says, which RLE does not follow. Runs may go on from one row to the next, and bytes after the
-/// last sample of a segment are not looked at.
+/// The code does not state which bits of a sample are in use, nor whether it has a sign: every sample comes as the
+/// unsigned value of all its bytes (32 bits as their pattern); the caller masks the stored bits and extends the sign.
+/// Components come side by side whatever planar configuration the file states, which RLE does not follow. Runs may go
+/// on from one row to the next, and bytes after the last sample of a segment are not read.
 ///
 /// One pass over each segment, in requests of 4 KiB; held are 4 KiB for each segment (60 KiB at most) and
 /// one row of 4 bytes a sample, however large the frame is.
@@ -80,7 +79,7 @@ pub(crate) fn decode(
     Ok(())
 }
 
-/// Reads the header, and compares it with what the format asks for and the frame has.
+/// Reads the header, and checks it against the format and the length of the frame.
 fn open_segments(input: &dyn FrameBytes, wanted: usize) -> Result<Vec<Segment>, CodecError> {
     let mut header = [0; HEADER_BYTES];
     if read_full(input, &mut header, 0)? < HEADER_BYTES {
@@ -122,19 +121,19 @@ fn read_full(input: &dyn FrameBytes, buffer: &mut [u8], offset: u64) -> Result<u
     Ok(filled)
 }
 
-/// The meaning of the next bytes.
+/// The packet that the next bytes belong to.
 #[derive(Clone, Copy)]
 enum Packet {
-    /// That many bytes as they stand.
+    /// Number of bytes to copy.
     Literal(usize),
-    /// That many times one byte.
+    /// Number of repetitions of one byte.
     Run(usize, u8),
 }
 
 /// One segment, decoded front to back.
 struct Segment {
     number: usize,
-    /// Where in the frame the buffer was read to, and where the segment ends.
+    /// Offset in the frame that the buffer was read to, and offset of the segment's end.
     next: u64,
     end: u64,
     buffer: Vec<u8>,
@@ -150,7 +149,7 @@ impl Segment {
         Segment { number, next: start, end, buffer, at: 0, filled: 0, packet: Packet::Literal(0) }
     }
 
-    /// Has the buffer hold at least one byte.
+    /// Refills the buffer if it is empty.
     fn refill(&mut self, input: &dyn FrameBytes) -> Result<(), CodecError> {
         if self.at < self.filled {
             return Ok(());
@@ -180,7 +179,7 @@ impl Segment {
                 Packet::Literal(0) | Packet::Run(0, _) => {
                     self.packet = match self.byte(input)? {
                         literal @ 0..=127 => Packet::Literal(usize::from(literal) + 1),
-                        // No packet, by the standard.
+                        // A no-op, by the standard.
                         128 => continue,
                         run => Packet::Run(257 - usize::from(run), self.byte(input)?),
                     };
@@ -274,7 +273,7 @@ mod tests {
         let mut frame = vec![0; HEADER_BYTES];
         frame[0] = 1;
         frame[4] = 64;
-        // Seven times 9, nothing, a literal of two, and padding of an odd length.
+        // A run of seven 9s, a no-op, a literal of two bytes, and padding of an odd length.
         frame.extend([250, 9, 128, 1, 5, 6, 0]);
         let format = RleFormat { columns: 3, rows: 3, components: 1, bytes_per_sample: 1 };
         let mut kept = Kept::default();

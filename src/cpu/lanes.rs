@@ -26,7 +26,7 @@ macro_rules! inlined {
     )*};
 }
 
-/// Arithmetic that wraps where it is of integers.
+/// Arithmetic that wraps for integers.
 pub(crate) trait Ring: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
 impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>> Ring for T {}
 
@@ -81,7 +81,7 @@ pub(crate) trait Lanes: Copy {
     fn f_load(self, x: &[f32; SINGLES]) -> Self::F;
     /// Singles to memory.
     fn f_store(self, x: Self::F, to: &mut [f32; SINGLES]);
-    /// Without the sign.
+    /// Absolute values.
     fn f_abs(self, x: Self::F) -> Self::F;
     /// `a <= b`
     fn f_le(self, a: Self::F, b: Self::F) -> Self::FTruths;
@@ -92,7 +92,7 @@ pub(crate) trait Lanes: Copy {
     fn d_load(self, x: &[f64; DOUBLES]) -> Self::D;
     /// Doubles to memory.
     fn d_store(self, x: Self::D, to: &mut [f64; DOUBLES]);
-    /// Without the sign.
+    /// Absolute values.
     fn d_abs(self, x: Self::D) -> Self::D;
     /// `magnitude`, not negative, with the sign of `sign`.
     fn d_with_sign(self, magnitude: Self::D, sign: Self::D) -> Self::D;
@@ -255,7 +255,7 @@ impl Lanes for Portable {
         }
         fn d_bits(self, x: Self::D) -> Self::I { Array(x.0.map(|x| x.to_bits().cast_signed())) }
         fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D {
-            // Below 2^52 a whole number stands in the low bits of 2^52 plus it.
+            // Below 2^52 a whole number is in the low bits of its sum with 2^52.
             Array(from.map(|x| f64::from_bits((x >> shift & mask) | WHOLE.to_bits()) - WHOLE))
         }
 

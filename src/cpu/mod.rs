@@ -10,8 +10,8 @@
 //! | `dispatch`: builder, packed format, exports | portable, AVX2: memory and branches bound these, and a third form of some 50 kernels would double their part of the compile time |
 //! | `Form::run`: rays, shading | all three: VBMI2 compares a brick's pairs of ray and cell sixteen at a time, in 0.55 to 0.7 of AVX2's time |
 //!
-//! AVX-512 without VBMI2 (Skylake-SP, Cascade Lake) runs AVX2: pictures take 1.0 to 1.4 times what a fourth form took
-//! there, and that form was a quarter of the machine code of all rays.
+//! AVX-512 without VBMI2 (Skylake-SP, Cascade Lake) runs AVX2: pictures take 1.0 to 1.4 times as long as with a fourth
+//! form, which was a quarter of the machine code of all rays.
 
 use std::sync::OnceLock;
 
@@ -43,7 +43,7 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     }
 }
 
-/// The instructions that a traversal is compiled for.
+/// Instruction set that a traversal is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Form {
@@ -67,11 +67,11 @@ impl Form {
         Self::chosen().unwrap_or(Self::Portable)
     }
 
-    /// The fastest form of this machine, or the one that `INFOBYTE_FORM` in the environment names as [`Form::name`] does:
-    /// so a slower form is measured where there is a faster one.
+    /// The fastest form of this machine, or the one that `INFOBYTE_FORM` in the environment names as [`Form::name`]
+    /// does, to measure a slower form on the same machine.
     ///
     /// # Errors
-    /// A sentence, if the environment names what is not a form of this machine.
+    /// A sentence, if the environment does not name a form of this machine.
     #[inline]
     pub fn chosen() -> Result<Self, &'static str> {
         static CHOSEN: OnceLock<Result<Form, String>> = OnceLock::new();
@@ -100,7 +100,7 @@ impl Form {
         }
     }
 
-    /// Its name in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Portable => "portable",
@@ -109,7 +109,7 @@ impl Form {
         }
     }
 
-    /// Runs a kernel in this form, or portably where the machine cannot.
+    /// Runs a kernel in this form, or portably if the machine lacks it.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         if self == Self::Vbmi2

@@ -1,4 +1,4 @@
-//! Machines that are not x86-64: no proof of AVX2 or VBMI2 exists, so what takes one is never called.
+//! Machines other than x86-64: no proof of AVX2 or VBMI2 exists, so functions that take one are never called.
 
 use super::Kernel;
 
@@ -48,5 +48,5 @@ pub(crate) fn mirror_bits(avx2: Avx2, _: u64, _: u32) -> u64 {
     match avx2 {}
 }
 
-/// Hints that a place will be read soon; here it does nothing.
+/// Hint that a place will be read soon; no-op.
 pub(crate) fn prefetch<T: ?Sized>(_: &T) {}

@@ -17,7 +17,7 @@ use super::{DOUBLES, Kernel, Lanes, OCTET, Octet, SINGLES, Term, Truths};
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2(());
 
-/// Proof of those and of AVX-512 F, DQ, BW, VL, VBMI and VBMI2.
+/// Proof of [`Avx2`]'s instructions and of AVX-512 F, DQ, BW, VL, VBMI and VBMI2.
 #[derive(Clone, Copy)]
 pub(crate) struct Vbmi2(());
 
@@ -56,7 +56,7 @@ form!(
     "avx512f" "avx512dq" "avx512bw" "avx512vl" "avx512vbmi" "avx512vbmi2" "avx2" "bmi1" "bmi2" "lzcnt" "popcnt"
 );
 
-/// Bit 7 of 32 bytes, byte i giving bit i: the one instruction that portable code does not reach.
+/// Bit 7 of 32 bytes, byte i giving bit i: the one instruction that portable code does not compile to.
 #[inline(always)]
 pub(crate) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
     // SAFETY: see the top of this file.
@@ -115,7 +115,7 @@ pub(crate) fn mirror_bits(_: Avx2, bits: u64, flip: u32) -> u64 {
     }
 }
 
-/// For each exclusive-or of a byte's place in eight: where the bytes come from.
+/// Source of each byte, for each exclusive-or of a byte's place in eight.
 const FLIP_BYTES: [[u8; 16]; 8] = {
     let mut from = [[0; 16]; 8];
     let mut at = 0;
@@ -128,7 +128,7 @@ const FLIP_BYTES: [[u8; 16]; 8] = {
     from
 };
 
-/// For each exclusive-or of a bit's place in eight: the byte that a low nibble becomes, and a high one.
+/// Bytes of each low and each high nibble, for each exclusive-or of a bit's place in eight.
 const FLIP_NIBBLES: [[[u8; 16]; 2]; 8] = {
     let mut to = [[[0; 16]; 2]; 8];
     let mut at = 0;
@@ -142,7 +142,7 @@ const FLIP_NIBBLES: [[[u8; 16]; 2]; 8] = {
     to
 };
 
-/// The vectors of eight 32-bit numbers, the same in both forms, and how a kernel is called.
+/// The vectors of eight 32-bit numbers, the same in both forms, and the calls of kernels.
 macro_rules! octets_and_calls {
     () => {
         type S = S1;
@@ -216,20 +216,20 @@ macro_rules! operators {
 /// The machine must have AVX2.
 #[inline(always)]
 unsafe fn times_u32(a: __m256i, b: __m256i) -> __m256i {
-    // SAFETY: by the caller.
+    // SAFETY: the caller guarantees AVX2.
     unsafe {
         let high = _mm256_slli_epi64::<32>(_mm256_mul_epu32(_mm256_srli_epi64::<32>(a), b));
         _mm256_add_epi64(_mm256_mul_epu32(a, b), high)
     }
 }
 
-/// The same in eight lanes.
+/// Low 64 bits of a * b for b in 0..2^32, in eight lanes.
 ///
 /// # Safety
 /// The machine must have AVX-512 F.
 #[inline(always)]
 unsafe fn times_u32_wide(a: __m512i, b: __m512i) -> __m512i {
-    // SAFETY: by the caller.
+    // SAFETY: the caller guarantees AVX-512 F.
     unsafe {
         let high = _mm512_slli_epi64::<32>(_mm512_mul_epu32(_mm512_srli_epi64::<32>(a), b));
         _mm512_add_epi64(_mm512_mul_epu32(a, b), high)

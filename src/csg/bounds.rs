@@ -30,7 +30,7 @@ fn either(a: &Bounds, b: &Bounds) -> Bounds {
     }
 }
 
-/// Bounds of a leaf as it is placed, or of all but it; those of a file are given.
+/// Bounds of a placed leaf, or of its complement; `file` gives the bounds of a file.
 pub(super) fn of_leaf(placed: &PlacedShape<'_, '_>, file: Option<Bounds>) -> Bounds {
     match (placed.shape, placed.negated) {
         (None, false) => Bounds::EMPTY,
@@ -60,12 +60,12 @@ pub(super) fn of_tree(flat: &Flat<Bounds>) -> Bounds {
     joins[0]
 }
 
-/// The size that something is stretched to.
+/// New size of a stretched solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NewSize {
-    /// Along each axis; 0 keeps it.
+    /// New size along each axis; 0 keeps the old one.
     pub(super) size: [f64; 3],
-    /// Axes without a size of their own that are stretched as the longest new side is.
+    /// Axes without a size of their own that are stretched by the same factor as the longest new side.
     pub(super) auto: [bool; 3],
 }
 
@@ -82,10 +82,10 @@ impl NewSize {
 }
 
 impl Tree {
-    /// How a node is stretched to a size; `None` where that takes more than so many bytes.
+    /// The affine that stretches a node to a size; `None` where finding it takes more than `most_bytes`.
     ///
     /// # Errors
-    /// Its size is not that of its parts: it is an intersection, cut at an end, or read from files.
+    /// The size of the node does not follow from its parts: it is an intersection, cut at an end, or read from files.
     pub(super) fn resized(
         &self,
         node: NodeId,
@@ -134,7 +134,7 @@ impl Tree {
     }
 }
 
-/// A half-space across an axis has bounds, and so has what it leaves.
+/// Bounds of a half-space; only one across an axis has any.
 fn half(normal: [f64; 3], offset: f64, affine: &Affine, side: f64) -> Bounds {
     let mut bounds = ALL;
     let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -155,7 +155,7 @@ fn half(normal: [f64; 3], offset: f64, affine: &Affine, side: f64) -> Bounds {
     bounds
 }
 
-/// Bounds of all but a shape.
+/// Bounds of the complement of a shape.
 fn beside(shape: &Shape, affine: &Affine) -> Bounds {
     match shape {
         Shape::HalfSpace { normal, offset } => half(*normal, *offset, affine, -1.0),
@@ -165,7 +165,7 @@ fn beside(shape: &Shape, affine: &Affine) -> Bounds {
 
 fn of_shape(shape: &Shape, affine: &Affine) -> Bounds {
     let mut bounds = Bounds::EMPTY;
-    // Round shapes: the middle, and how far the axes reach along each direction.
+    // Round shapes: the middle, and the reach of the axes along each direction.
     let mut round = |middle: [f64; 3], axes: [f64; 3], together: usize| {
         let middle = affine.apply(middle);
         let reach = |k: usize| {

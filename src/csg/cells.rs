@@ -1,8 +1,8 @@
-//! A tree as a solid of cells: planes from where its leaves are crossed by the edges between voxel middles.
+//! A tree as a solid of cells: planes at the crossings of its leaves with the edges between voxel middles.
 //!
-//! Of the leaves that an edge crosses, those next to its outside end are turned first; the one with which the tree is
-//! inside gives the crossing, and the first of the tree where two are crossed at one place. So neither boxes nor what
-//! is left of programs in them change a cell.
+//! The leaves that an edge crosses are turned in order from the edge's outside end; the one with which the tree turns
+//! to inside gives the crossing, and the first of the tree where two cross at one place. So cells do not depend on
+//! boxes and the pruned programs in them.
 
 use super::leaf::Leaf;
 use super::program::{self, Step};
@@ -72,23 +72,23 @@ struct CellWorker<'a> {
     tree: CsgWorker<'a>,
     edges: CellEdges,
     list: Vec<CellEdge>,
-    /// Those of sampled leaves.
+    /// Edges of sampled leaves.
     of_sampled: Vec<CellEdges>,
     crossed: Vec<LeafCrossing>,
-    /// What is left of a program at one edge.
+    /// The rest of a program at one edge.
     at_edge: Vec<Step>,
 }
 
-/// Programs of more steps are made shorter for every edge.
+/// Steps of a program above which it is pruned for every edge.
 const MANY: usize = 16;
 
 /// A leaf of a program that an edge may cross.
 struct LeafCrossing {
     leaf: u32,
-    /// Is its far end inside, and its other end?
+    /// State of the leaf at the far end, and at the other: true for inside.
     outer: bool,
     inner: bool,
-    /// Part of the way from the outside end to the crossing.
+    /// Position of the crossing, as a part of the way from the outside end.
     away: f64,
     found: Option<EdgeCrossing>,
 }
@@ -134,7 +134,7 @@ impl SolidWorker for CellWorker<'_> {
         list.extend(edges.wanted());
         let sides = samples.to_array();
         for edge in list {
-            // At the wall of the grid the wall is the surface.
+            // Beyond the wall of the grid there is no edge: the wall is the surface.
             let exists = (0..3).all(|k| {
                 let last = edge.low[k] + i32::from(k == edge.axis);
                 edge.low[k] >= 0 && last.cast_unsigned() < sides[k]
@@ -174,7 +174,7 @@ fn left_at<'p>(
     }
 }
 
-/// The crossing of an edge with which the tree comes to be inside, from its outside end.
+/// The first crossing of an edge, from its outside end, with which the tree turns to inside.
 fn outermost(
     edge: &CellEdge,
     steps: &[Step],
@@ -238,7 +238,7 @@ mod tests {
 
     const SIDE: i32 = 24;
 
-    /// Balls and boxes in nearly one place, joined as chance has it.
+    /// Balls and boxes in nearly one place, joined at random.
     fn random(count: u32, next: &mut impl FnMut(i32) -> i32) -> CsgSolid<'static> {
         let (middle, about) = (SIDE / 2 * STEPS, 1 + next(3 * STEPS));
         let leaves: Vec<Leaf> = (0..count)
@@ -268,7 +268,7 @@ mod tests {
         CsgSolid { name, place, leaves, extents, program, sampled: Vec::new(), counts, text: None }
     }
 
-    /// Leaves that are left out as they lie within others, in boxes within boxes, change no voxel and no crossing.
+    /// Leaves that are left out because they lie within others, in boxes within boxes, change no voxel and no crossing.
     #[test]
     fn nested_leaves_change_nothing() {
         let mut state = 5_u32;

@@ -1,18 +1,19 @@
-//! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
+//! Normals of skin voxels, taken from the leaf whose surface makes the voxel skin.
 //!
-//! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
-//! tree turns to outside when that leaf alone does; without such a leaf, the tree at the neighbour turns to inside when
-//! that leaf alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
-//! surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where the voxel is
-//! inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
+//! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the tree
+//! turns to outside when that leaf alone does; without such a leaf, the tree at the neighbour turns to inside when that
+//! leaf alone does (two equal spheres). Other leaves of a program do not change this. Of several candidates the one
+//! counts whose surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where
+//! the voxel is inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face
+//! that wall.
 //!
-//! Where faces meet in a voxel, its normal is their mean, each the more the nearer its plane is: taken from one of them
-//! only, normals would change from voxel to voxel along an edge. A face that looks back from the nearest one
-//! is that of a thin wall's other side, and does not count.
+//! Where faces meet in a voxel, its normal is their mean, weighted by the nearness of their planes: taken from one of
+//! them only, normals would change from voxel to voxel along an edge. A face that looks back from the nearest one
+//! belongs to the other side of a thin wall, and does not count.
 //!
-//! Of a union of balls the candidates of a voxel are all that hold it, whichever exposed neighbour is asked: if it is
-//! one, the tree turns with it, and if there are more, none turns it alone. Of ten thousand in nearly one place the
-//! first few faces count, and the nearest surface; where all of them hold the voxel, that is one of the innermost.
+//! For a union of balls the candidates of a voxel are all that hold it, whichever exposed neighbour is asked: a single
+//! one turns the tree, and several do not turn it alone. Of ten thousand in nearly one place the first few faces count,
+//! and the nearest surface; where all of them hold the voxel, that is the surface of one of the innermost.
 
 use super::leaf::Leaf;
 use super::place::centre;
@@ -28,19 +29,19 @@ use crate::volume::SourceError;
 const BRICK: usize = 32;
 /// The six neighbours, as the faces of [`Exposed`].
 const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
-/// A sampled leaf does not say how near its surface is: half a voxel, in lattice steps.
+/// Distance of a sampled leaf's surface, which it does not state: half a voxel, in lattice steps.
 const HALF_A_VOXEL: f64 = 2048.0;
-/// Most leaves that are tried together, one bit each; of more, the tree is gone through forwards and backwards.
+/// Most leaves that are tried together, one bit each; for more, the tree is gone through forwards and backwards.
 const AT_ONCE: usize = 63;
-/// With more leaves than this next to the voxels of a brick's slice, these are described by blocks of so many rows and
-/// columns, each with the leaves next to it.
+/// Leaves next to the voxels of a brick's slice, above which these are described by blocks of `BLOCK` rows and columns,
+/// each with the leaves next to it.
 const FEW: usize = 2;
-/// Balls that are joined into one body, and are more than this next to a brick's slice, are looked at as such if the
-/// innermost of them are an eighth of them at most.
+/// Balls joined into one body next to a brick's slice, above which only the innermost are looked at, if these are an
+/// eighth of them at most.
 const MANY_BALLS: usize = 64;
 const BLOCK: usize = 8;
 
-/// Buffers of the descriptions, and what they gave.
+/// Buffers of the descriptions, and their results.
 pub(super) struct Description {
     codes: Vec<u8>,
     /// The codes by row and column.
@@ -48,13 +49,13 @@ pub(super) struct Description {
     /// The rest of the program around the voxels of a slice, and of one of its blocks.
     near: Vec<Step>,
     nearer: Vec<Step>,
-    /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
+    /// State of leaves at the voxel and at its neighbour, true for inside, by their place among the program's leaves.
     here: Vec<bool>,
     leaves: Vec<u32>,
     turned: Vec<u32>,
-    /// What is known of each step.
+    /// State of each step.
     marks: Vec<u8>,
-    /// Which sampled leaf describes each voxel; 0 for none, otherwise its number and one.
+    /// The sampled leaf that describes each voxel: its number plus one, or 0 for none.
     sampled: Vec<u32>,
 }
 
@@ -76,7 +77,7 @@ struct Candidates {
 impl Candidates {
     const NONE: Self = Self { best: None, faces: [([0.0; 3], 0.0); MAX_FACES], count: 0 };
 
-    /// Notes a face, `distance` lattice steps from the middle.
+    /// Adds a face, `distance` lattice steps from the middle.
     fn note(&mut self, outwards: [f64; 3], distance: f64) {
         let length = dot(outwards, outwards).sqrt();
         let unit = outwards.map(|c| c / length);
@@ -94,7 +95,7 @@ impl Candidates {
         }
     }
 
-    /// The mean of the faces that meet in the voxel, of which `nearest` is one.
+    /// The mean of the faces that meet in the voxel, among them `nearest`.
     fn mean(&self, nearest: [f64; 3]) -> [f64; 3] {
         let along = dot(nearest, nearest).sqrt();
         let mut sum = [0.0; 3];
@@ -107,13 +108,13 @@ impl Candidates {
     }
 }
 
-/// A part of the tree: the program that is left there, and the samplers of its leaves.
+/// A part of the tree: the rest of its program there, and the samplers of its leaves.
 #[derive(Clone, Copy)]
 struct Around<'s> {
     solid: &'s CsgSolid<'s>,
     steps: &'s [Step],
     samplers: &'s [Sampler<'s>],
-    /// Of many balls that are joined into one body, those in which no other lies.
+    /// Of many balls joined into one body, those that contain no other.
     innermost: Option<&'s [Step]>,
 }
 
@@ -136,14 +137,14 @@ struct Best {
 
 #[derive(Clone, Copy)]
 enum Surface {
-    /// Out of the tree, in lattice coordinates.
+    /// Normal out of the tree, in lattice coordinates.
     Known([f64; 3]),
-    /// That of a sampled leaf, and whether the voxel is inside it.
+    /// The normal of a sampled leaf, and whether the voxel is inside it.
     Sampled(u32, bool),
 }
 
 impl Description {
-    /// Memory of one, for so many leaves, and programs of boxes of so many steps.
+    /// Memory of a description, for these numbers of leaves and steps of box programs.
     pub(super) const fn bytes(leaves: usize, steps: usize) -> u64 {
         (SkinSlice::MAX_VOXELS * 8 + leaves * 11 + steps * 8) as u64
     }
@@ -213,7 +214,7 @@ impl Description {
         if any_sampled { self.ask_sampled(skin, solid, samplers, &insides) } else { Ok(()) }
     }
 
-    /// The rest of the program around a brick's slice for where edges are crossed: often one leaf.
+    /// The rest of the program around a brick's slice, for finding crossed edges: often one leaf.
     pub(super) fn look<'s>(
         &'s mut self,
         skin: &SkinSlice<'_>,
@@ -228,7 +229,7 @@ impl Description {
         }
     }
 
-    /// Describes the skin voxels of a block of so many rows and columns; `true` if some are those of sampled leaves.
+    /// Describes the skin voxels of a block of `side` rows and columns; `true` if sampled leaves describe some of them.
     fn describe_block(
         &mut self,
         skin: &SkinSlice<'_>,
@@ -292,7 +293,7 @@ impl Description {
             }
         }
         if !any_exposed {
-            // Skin that only touches the outside with an edge or a corner.
+            // Skin may touch the outside with an edge or a corner only.
             for at in (0..27).filter(|at| *at != 13) {
                 let beside = [voxel[0] + at % 3 - 1, voxel[1] + at / 3 % 3 - 1, voxel[2] + at / 9 - 1];
                 if exists(beside) {
@@ -314,7 +315,7 @@ impl Description {
     ) {
         let Around { solid, steps, .. } = around;
         if let [leaf] = self.leaves[..] {
-            // It alone decides here: where the neighbour is outside, it has turned.
+            // A single leaf decides here: where the neighbour is outside, it has turned.
             let inside = program::leaf_of(steps[0]).is_some_and(|(_, negated)| !negated);
             let known = best.best.is_some() && solid.leaves[leaf as usize].has_one_face();
             if !known && (is_exposed || around.contains(leaf, beside) != inside) {
@@ -331,8 +332,7 @@ impl Description {
                 self.turned.push(at);
             }
         }
-        // Which leaves turn the tree alone: from what they are at the voxel, or, if none does, from what they are
-        // next to it.
+        // Leaves that turn the tree alone: from their state at the voxel or, if none does, at its neighbour.
         for from_beside in [false, true] {
             let mut any = false;
             if self.turned.len() > AT_ONCE {
@@ -391,7 +391,8 @@ impl Description {
         }
     }
 
-    /// Takes the leaves that turn the tree alone, where they are more than a word has bits; `true` if there are some.
+    /// Takes the leaves that turn the tree alone, if they are more than a word has bits; returns `true` if there are
+    /// some.
     fn turned_of_many(
         &mut self,
         best: &mut Candidates,
@@ -421,8 +422,8 @@ impl Description {
         any
     }
 
-    /// The tree's value, bit by bit, with one leaf of those that turn turned alone; all others are as at the voxel, or
-    /// as next to it.
+    /// The tree's value, bit by bit, with one of the turning leaves turned alone; all others are as at the voxel, or as
+    /// at its neighbour.
     fn turned_alone(&self, steps: &[Step], from_beside: bool) -> u64 {
         let (mut at, mut next) = (0_usize, 0_usize);
         program::value(steps, |_| {
@@ -435,7 +436,7 @@ impl Description {
         })
     }
 
-    /// Has sampled leaves describe the voxels that are theirs.
+    /// Lets sampled leaves describe their voxels.
     fn ask_sampled(
         &mut self,
         skin: &SkinSlice<'_>,
@@ -478,7 +479,7 @@ impl Description {
     }
 }
 
-/// The normal that a sampled leaf gave, as it is stored.
+/// The stored normal of a sampled leaf's own one.
 fn stored(code: u16, turn: bool, is_physical: bool, solid: &CsgSolid<'_>) -> u16 {
     let [a, b, c] = solid.place.spacing_mm;
     if !turn && (is_physical || (a == b && b == c)) {
@@ -525,12 +526,12 @@ fn physical(gradient: [f64; 3], solid: &CsgSolid<'_>) -> [f32; 3] {
     if direction == [0.0; 3] { [0.0, 0.0, 1.0] } else { direction }
 }
 
-/// So many columns of a row of a brick.
+/// Bits of `count` columns of a row of a brick.
 fn columns(from: usize, count: usize) -> u32 {
     u32::MAX >> (BRICK - count) << from
 }
 
-/// The rest of a program in so many columns and rows of a slice, with one voxel around them.
+/// The rest of a program in some columns and rows of a slice, with one voxel around them.
 fn left_around<'p>(
     steps: &'p [Step],
     corner: [u32; 3],
@@ -552,8 +553,8 @@ fn left_around<'p>(
     }
 }
 
-/// Those of many balls joined into one body in which no other lies, next to a brick's slice; `None` where they are not
-/// many, or not much fewer.
+/// Of many balls joined into one body next to a brick's slice, those that contain no other; `None` where they are few,
+/// or nearly all would be left.
 fn innermost<'p>(
     steps: &'p [Step],
     corner: [u32; 3],

@@ -1,6 +1,6 @@
-//! Solids with plane faces: boxes, prisms, and spheres and cylinders of as many facets as asked for.
+//! Solids with plane faces: boxes, prisms, and spheres and cylinders of a given number of facets.
 //!
-//! Faces with more than three corners are cut into fans from their first corner. Those of a hollow outline overlap,
+//! Faces with more than three corners are cut into fans from their first corner. The fans of a hollow outline overlap,
 //! and cancel each other where rows are counted.
 
 use std::f64::consts::PI;
@@ -45,7 +45,7 @@ fn stacked(rings: &[Vec<[f64; 3]>]) -> Faces {
 
 #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
 fn circle(radius: f64, z: f64, count: usize) -> Vec<[f64; 3]> {
-    // Quarters are whole numbers, so that they meet what else lies there.
+    // Quarter turns are whole numbers, so that they meet neighbouring shapes exactly.
     let turn = |k: usize| match 4 * k {
         0 => (1.0, 0.0),
         n if n == count => (0.0, 1.0),
@@ -65,12 +65,12 @@ pub(super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Faces {
     stacked(&[ring(low[2]), ring(high[2])])
 }
 
-/// A cylinder or cone of so many sides.
+/// A cylinder or cone of `sides` sides.
 pub(super) fn cylinder(z: [f64; 2], radii: [f64; 2], sides: usize) -> Faces {
     stacked(&[circle(radii[0], z[0], sides), circle(radii[1], z[1], sides)])
 }
 
-/// A sphere of half as many rings as sides, half a ring away from the poles, as OpenSCAD makes it.
+/// A sphere with half as many rings as sides, the outer ones half a ring from the poles, as in OpenSCAD.
 #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
 pub(super) fn sphere(radius: f64, sides: usize) -> Faces {
     let rings = sides.div_ceil(2);
@@ -82,7 +82,7 @@ pub(super) fn sphere(radius: f64, sides: usize) -> Faces {
     stacked(&rings)
 }
 
-/// Outlines between two heights; inside is what a ray meets an odd number of times.
+/// Outlines between two heights; points from which a ray meets them an odd number of times are inside.
 pub(super) fn prism(outlines: &[Vec<[f64; 2]>], z: [f64; 2]) -> Faces {
     let mut all = Faces { odd: true, ..Faces::default() };
     for outline in outlines.iter().filter(|outline| outline.len() >= 3) {

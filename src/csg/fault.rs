@@ -1,6 +1,6 @@
-//! Sentences about trees of solids that several places find.
+//! Sentences about trees of solids, for faults that are found in several places.
 //!
-//! Lines are counted from 1; 0 is a tree that was not read from text.
+//! Lines are counted from 1; 0 stands for a tree that was not read from text.
 
 use std::fmt;
 
@@ -12,10 +12,10 @@ use crate::text::shown;
 
 /// Modules of `.csg` files that are read.
 const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, translate, rotate, scale, mirror, resize, multmatrix, offset3d, color and group";
-/// How a program of OpenSCAD becomes a tree.
+/// Conversion of a program of OpenSCAD into a tree.
 const WAY_OUT: &str = "write programs out as trees with openscad -o part.csg part.scad";
 
-/// The line of a text; nothing of a tree that was not read from one.
+/// The line of a text, as the start of a message; empty for a tree that was not read from one.
 pub(super) struct At(pub(super) u64);
 
 impl fmt::Display for At {
@@ -24,7 +24,7 @@ impl fmt::Display for At {
     }
 }
 
-/// How a module is written, as the end of a sentence.
+/// Syntax of a module, as the end of a sentence.
 struct Example<'a>(&'a str);
 
 impl fmt::Display for Example<'_> {
@@ -51,7 +51,7 @@ impl fmt::Display for Example<'_> {
     }
 }
 
-/// Text other than what has to follow.
+/// Text other than the expected one.
 pub(super) fn expected(line: u64, what: &str) -> Fault {
     bad!("{}expected {what}; {WAY_OUT}", At(line))
 }
@@ -71,7 +71,7 @@ pub(super) fn unsupported(line: u64, module: &str) -> Fault {
     }
 }
 
-/// A variable, other than those of the fineness of round solids.
+/// A variable, other than the fineness of round solids.
 pub(super) fn variable(line: u64, name: &str) -> Fault {
     bad!("{}{} is a variable, which are not read; {WAY_OUT}", At(line), shown(name))
 }
@@ -103,7 +103,7 @@ pub(super) fn not_flat(line: u64, module: &str) -> Fault {
     bad!("{}{} is not flat and cannot be extruded", At(line), shown(module))
 }
 
-/// A grid that is chosen for a tree whose volume has one.
+/// The fault of a grid chosen for a tree whose volume has one.
 pub(super) fn grid_of_volume() -> Fault {
     Fault::new(
         FaultKind::OwnGrid,

@@ -4,19 +4,19 @@ use std::fmt;
 
 use crate::mesh::length;
 
-/// What was found about a tree.
+/// Facts about a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CsgFacts {
-    /// Leaves.
+    /// Number of leaves.
     pub leaves: u64,
-    /// Meshes and volumes among them, which are read from files.
+    /// Number of meshes and volumes among them, which are read from files.
     pub files: u64,
     /// Steps from voxel to voxel in mm.
     pub voxel_mm: [f64; 3],
-    /// Corner of the grid in mm, along the axes of the model; of a volume's grid the middle of its first voxel.
+    /// Corner of the grid in mm, along the axes of the model; for a volume's grid the middle of its first voxel.
     pub origin_mm: [f64; 3],
-    /// Sides on which the bounds of solids reach out of a volume's grid, where these are cut: at the low end of each
-    /// axis of the grid, then at the high ends.
+    /// Sides on which solids are cut because their bounds reach out of a volume's grid: at the low end of each axis of
+    /// the grid, then at the high ends.
     pub cut: [[bool; 3]; 2],
 }
 

@@ -4,8 +4,8 @@
 //! difference(union(a, b), union(c, d))   becomes   and(or(a, b), not c, not d)
 //! ```
 //!
-//! Only unions and intersections are left, which alternate, and every leaf knows where it lies. Done with a list of
-//! what is still to be visited, so that the depth of a tree does not matter.
+//! Only unions and intersections are left, which alternate, and every leaf knows its place. Nodes to be visited wait on
+//! a list, so that the depth of a tree does not matter.
 
 use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
@@ -15,11 +15,11 @@ use crate::fault::Fault;
 use crate::geom::Affine;
 use crate::volume::SourceError;
 
-/// Most leaves of a tree, those counted again that are used again.
+/// Most leaves of a tree; a leaf used again counts again.
 pub(super) const MAX_LEAVES: usize = 1 << 20;
 const MAX_JOINS: usize = 1 << 20;
 
-/// How the parts of a join are joined.
+/// Kind of join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     And,
@@ -28,7 +28,7 @@ pub(super) enum Kind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
-    /// A leaf, or all but it.
+    /// A leaf, or its complement.
     Leaf {
         leaf: u32,
         negated: bool,
@@ -36,22 +36,22 @@ pub(super) enum Part {
     Join(u32),
 }
 
-/// A leaf where it is met; without a shape it is empty.
+/// A leaf with its affine; without a shape it is empty.
 pub(super) struct PlacedShape<'a, 'f> {
     pub(super) shape: Option<&'a Shape>,
     pub(super) affine: &'f Affine,
     pub(super) line: u64,
-    /// Is all but it meant?
+    /// True to select everything else.
     pub(super) negated: bool,
 }
 
-/// Makes something of a leaf, and returns the memory that it holds outside itself.
+/// Function that makes a `T` of a leaf, and returns the memory that it holds outside itself.
 pub(super) type Make<'a, 'm, T> = dyn FnMut(PlacedShape<'a, '_>) -> Result<(T, u64), Stop> + 'm;
 
-/// Why a tree cannot be made flat.
+/// Reason why a tree cannot be made flat.
 pub(super) enum Stop {
     Fault(Fault),
-    /// It takes so much memory so far, and no more is there.
+    /// The tree takes more memory than there is: so many bytes up to here.
     Memory {
         bytes: u64,
     },
@@ -77,14 +77,14 @@ impl From<SourceError> for Stop {
     }
 }
 
-/// A tree of joins, each before its parts, and what was made of every leaf where it was met.
+/// A tree of joins, each before its parts, and the made leaves in the order of visiting.
 #[derive(Debug)]
 pub(super) struct Flat<T> {
     pub(super) leaves: Vec<T>,
     /// Memory that leaves hold outside themselves.
     held: u64,
     pub(super) joins: Vec<Kind>,
-    /// Join and part, in the order of the tree.
+    /// Pairs of a join and its part, in the order of the tree.
     pub(super) parts: Vec<(u32, Part)>,
 }
 
@@ -99,7 +99,7 @@ fn number(count: usize) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
 
-/// The affine behind another one.
+/// The product of two affines.
 fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, Fault> {
     let placed = first.after(own);
     let sound = placed.rows.iter().flatten().all(|c| c.is_finite());
@@ -107,11 +107,11 @@ fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, Fault> {
 }
 
 impl<T> Flat<T> {
-    /// The flat tree below a node, in so much memory. The first join is its root. `make` makes something of every
-    /// leaf, and returns the memory that it holds outside itself.
+    /// The flat tree below a node, within `most_bytes`. The first join is its root. `make` turns every leaf into a `T`,
+    /// and returns the memory that it holds outside itself.
     ///
     /// # Errors
-    /// Too many leaves, affines that are not numbers, too little memory, or what `make` says.
+    /// Too many leaves, affines that are not numbers, too little memory, or the errors of `make`.
     pub(super) fn new<'a>(
         (tree, root): (&'a Tree, NodeId),
         first: Affine,
@@ -119,7 +119,7 @@ impl<T> Flat<T> {
         make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
         let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
-        // Depth first: affines behind the current one are no longer wanted.
+        // Depth first: affines behind the current one are not needed any more.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
         let too_many = too_many();
@@ -171,7 +171,7 @@ impl<T> Flat<T> {
         Ok(flat)
     }
 
-    /// Is there room for what is held, and so much more?
+    /// Checks that there is memory for the tree and `more_bytes`.
     fn hold(&self, more_bytes: u64, most_bytes: u64) -> Result<(), Stop> {
         let bytes = self.bytes() + more_bytes;
         if bytes > most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
@@ -213,7 +213,7 @@ impl<T> Flat<T> {
         (parts, starts)
     }
 
-    /// Memory that it holds, and that making a program of it takes.
+    /// Memory that it holds, and that a program made of it takes.
     fn bytes(&self) -> u64 {
         // Lists grow by an eighth.
         let lists = self.leaves.len() * (size_of::<T>() + 2 * size_of::<u32>()) * 9 / 8

@@ -1,4 +1,4 @@
-//! From a tree to a solid: the grid, the leaves placed on it, and what they are read from.
+//! Conversion of a tree to a solid: the grid, the leaves placed on it, and their files.
 
 use std::path::{Path, PathBuf};
 
@@ -26,19 +26,19 @@ use crate::platform::give_back;
 use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
 use crate::volume::{SourceError, VolumeSource};
 
-/// Triangles of a leaf that take no more have room always.
+/// Bytes of triangles that a leaf may take without a check of memory.
 const FEW_BYTES: u64 = 64 << 10;
 
 /// Most bodies that go through bins.
 const MAX_BINNED: usize = 8;
 
-/// Does a leaf lie where its file says?
+/// True if a leaf lies where its file says.
 fn is_unmoved(affine: &Affine) -> bool {
     *affine == Affine::from_spacing([1.0; 3])
 }
 
-/// The grid of a tree, whether it is that of a volume, the number of meshes, and the volumes that are moved, by the
-/// number of their leaves.
+/// The grid of a tree, true if it is a volume's, the number of meshes, and the volumes that are moved, by the number of
+/// their leaves.
 pub(super) struct PlacedTree<'a> {
     place: LatticeGrid,
     of_volume: bool,
@@ -46,7 +46,7 @@ pub(super) struct PlacedTree<'a> {
     resampled: Vec<(usize, ResampledVolume<'a>)>,
 }
 
-/// A volume that is moved: the number of its leaf, the value, and how it lies.
+/// A volume that is moved: the number of its leaf, its value, and its affine.
 struct MovedVolume<'a> {
     leaf: usize,
     source: &'a dyn VolumeSource,
@@ -173,8 +173,8 @@ impl<'a, 't> Front<'a, 't> {
         Ok(SampledLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
-    /// A body of many triangles in the bins of a mesh, if cells are built and there is room; their crossings are those of
-    /// the body. `bodies` are in such bins so far.
+    /// A body of many triangles in the bins of a mesh, if cells are built and there is room; it has the crossings of
+    /// the body. `bodies` counts the bodies in bins.
     fn binned(
         &self,
         leaf: &Leaf,
@@ -196,10 +196,10 @@ impl<'a, 't> Front<'a, 't> {
         Ok(made.map(|solid| SampledLeaf { solid: Box::new(solid), gives_outwards: false }))
     }
 
-    /// A flat tree of what is made of leaves.
+    /// A flat tree, with leaves made by `make`.
     fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<Flat<T>, BuildError> {
         if let MemoryCap::Process(_) = self.options.memory {
-            // The lists of a flat tree before this one.
+            // Returns the lists of an earlier flat tree to the system.
             give_back();
         }
         let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
@@ -212,17 +212,17 @@ impl<'a, 't> Front<'a, 't> {
         })
     }
 
-    /// What is left next to the tree.
+    /// Memory left beside the tree.
     fn left_bytes(&self) -> u64 {
         let memory = self.options.memory;
         let left = Budget::of_job(memory).left_bytes();
-        // What a process holds is counted; in a share it is only known.
+        // A process has the tree in its resident memory; in a share its size is subtracted.
         left.saturating_sub(if let MemoryCap::Share(_) = memory { self.tree.bytes() } else { 0 })
     }
 
-    /// Refuses a leaf whose triangles, and the corners of which they are made, have no room.
+    /// Refuses a leaf if its triangles and their corners do not fit into memory.
     fn check_room(&self, faces: &Faces) -> Result<(), BuildError> {
-        // A triangle, and where it lies among the others.
+        // A triangle, and its place among the others.
         let bytes = (36 * faces.points.len() + 60 * faces.triangles.len()) as u64;
         if bytes > FEW_BYTES && bytes > self.left_bytes() {
             return Err(too_small(self.name, self.options.memory, bytes));
@@ -260,7 +260,7 @@ impl<'a, 't> Front<'a, 't> {
         Ok((own, meshes, moved))
     }
 
-    /// The grid: that of the volumes that lie where their files say, or the one asked for.
+    /// The grid of the volumes that lie where their files say, or the chosen one.
     fn place(&self, own: Option<VolumeGrid>) -> Result<LatticeGrid, BuildError> {
         match (own, self.csg.grid) {
             (Some(_), Some(_)) => Err(self.wrong(grid_of_volume())),
@@ -279,7 +279,7 @@ impl<'a, 't> Front<'a, 't> {
         }
     }
 
-    /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
+    /// Sides on which the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
     fn cut(&self, place: &LatticeGrid) -> Result<[[bool; 3]; 2], BuildError> {
         let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let to_voxels = Affine { rows }.after(&self.unit());

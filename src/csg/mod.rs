@@ -6,15 +6,15 @@
 //! text --parse--> tree --flatten--> leaves on the lattice, program --boxes--> bits, normals --builder--> .oct
 //! ```
 //!
-//! A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever the leaf: of two that share a face it lies
-//! in one. The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or
-//! all out in a box take no part in it.
+//! A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever the leaf: of two leaves that share a
+//! face it lies in one. The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves
+//! that are all in or all out in a box take no part in it.
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`Tree`] | shapes, where they lie, and how they are joined |
+//! | [`Tree`] | shapes, their places, and their joins |
 //! | `text`, `read` | trees from OpenSCAD's evaluated text, and from files of it |
-//! | `front` | from a tree to a solid |
+//! | `front` | conversion of a tree to a solid |
 //! | `offset` | solids grown and shrunk by a distance |
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
@@ -23,8 +23,8 @@
 //! | `resampled` | volumes that are moved: values between samples |
 //! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
 //!
-//! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
-//! of the model, and of meshes what [`crate::mesh`] says.
+//! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the
+//! size of the model, and for meshes the size that [`crate::mesh`] states.
 
 mod bounds;
 mod cells;
@@ -63,11 +63,11 @@ use cells::CsgCells;
 use front::Front;
 use solid::CsgSolid;
 
-/// A tree, and what goes with it.
+/// A tree with its root, name and volumes.
 pub struct CsgInput<'a> {
     /// The tree.
     pub tree: Tree,
-    /// Its root.
+    /// Root of the tree.
     pub root: NodeId,
     /// The file that it was read from, or a name for messages.
     pub name: PathBuf,
@@ -75,16 +75,16 @@ pub struct CsgInput<'a> {
     pub volumes: Vec<(PathBuf, &'a dyn VolumeSource)>,
 }
 
-/// How a tree is put on a grid.
+/// Scale and grid of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CsgOptions {
-    /// How fine the grid is; with a volume in the tree it is that of the volume.
+    /// Fineness of the grid; a volume in the tree brings its own grid.
     pub grid: Option<GridChoice>,
     /// Millimetres of a unit of the tree.
     pub unit_mm: f64,
 }
 
-/// Makes the solid of a tree, and hands it on; returns what is known of the tree.
+/// Makes the solid of a tree, and hands it on; returns facts about the tree.
 ///
 /// # Errors
 /// [`BuildError`]
@@ -113,7 +113,7 @@ pub fn with_tree<T>(
     Ok((then(&made)?, facts))
 }
 
-/// The solid whose model is built: that of skin voxels, or of cells.
+/// The solid whose model is built: of skin voxels, or of cells.
 fn solid_of<'a>(
     tree: CsgSolid<'a>,
     name: &Path,

@@ -1,11 +1,11 @@
-//! Solids grown and shrunk by a distance: what lies within it of a solid, or deeper than it inside.
+//! Solids grown and shrunk by a distance: all points within it of a solid, or deeper than it inside.
 //!
 //! ```text
 //! grow(a or b)  = grow a or grow b          shrink(a and b) = shrink a and shrink b
 //! grow(not a)   = not shrink a              shrink(not a)   = not grow a
 //! ```
 //!
-//! So a tree is offset leaf by leaf, exactly, as far as these rules lead. What they do not lead to is refused: a grown
+//! So a tree is offset leaf by leaf, exactly, as far as these rules lead. Everything else is refused: a grown
 //! intersection or difference, and a shrunk union, are not made of grown or shrunk parts.
 //!
 //! | leaf | grown by r | shrunk by r |
@@ -14,9 +14,9 @@
 //! | box | three boxes, a cylinder along every edge, a sphere at every corner | a smaller box |
 //! | cylinder, cone | five of them, and a torus along every rim, or a sphere at a tip | a smaller one |
 //!
-//! Leaves may be turned, mirrored and scaled evenly; boxes and half-spaces along their own axes as they like, cylinders
-//! and cones along theirs. Every part is placed on the lattice by itself, so that a rounded edge is off by a step of
-//! 2^-12 voxel at most.
+//! Leaves may be turned, mirrored and scaled evenly; boxes and half-spaces along their own axes by any factors,
+//! cylinders and cones along theirs. Every part is placed on the lattice by itself, so that a rounded edge is off by a
+//! step of 2^-12 voxel at most.
 
 use super::bounds::corners;
 use super::flat::MAX_LEAVES;
@@ -25,9 +25,9 @@ use crate::csg::fault::{At, bad_size, singular, too_many};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 
-/// Lengths that differ by less than this part of them are the same, and so are right angles.
+/// Relative difference below which lengths are the same, and angles right.
 const SAME: f64 = 1e-10;
-/// Most radii of a ring that its tube may have.
+/// Largest ratio of a tube's radius to its ring's.
 pub(super) const MAX_TUBE: f64 = 16.0;
 
 /// A step of the work that is left.
@@ -39,7 +39,7 @@ enum Task {
 /// The pieces of a solid that was shrunk away.
 const NOTHING: &[Piece] = &[];
 
-/// A part of what is made of a leaf.
+/// A part of an offset leaf.
 #[derive(Clone, Debug)]
 struct Piece {
     shape: Shape,
@@ -69,10 +69,10 @@ fn ball(radius: f64) -> Shape {
 impl Tree {
     /// A node grown by a distance, or shrunk by a negative one, in the units of its coordinates.
     ///
-    /// Spheres, boxes, cylinders, cones, tori and half-spaces, turned, mirrored and scaled evenly, and what unions,
-    /// intersections, differences and complements make of them as long as that stays exact: unions may grow,
-    /// intersections and differences may shrink. What is grown has rounded edges. A shell is the difference of a
-    /// grown solid and the solid.
+    /// Spheres, boxes, cylinders, cones, tori and half-spaces, turned, mirrored and scaled evenly, and their unions,
+    /// intersections, differences and complements as long as the result stays exact: unions may grow, intersections and
+    /// differences may shrink. A grown solid has rounded edges. A shell is the difference of a grown solid and the
+    /// solid.
     ///
     /// # Errors
     /// Refused by name for anything else, and for a distance or sizes that are not numbers.
@@ -85,7 +85,7 @@ impl Tree {
         made.ok_or(too_many())
     }
 
-    /// As [`Tree::offset`]; `None` where the tree would take more than so many bytes.
+    /// Like [`Tree::offset`]; `None` where the tree would take more than `most_bytes`.
     pub(super) fn offset_within(
         &mut self,
         by: f64,
@@ -189,7 +189,7 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
         if !length.is_normal() || !offset.is_finite() {
             return Err(bad_size(line));
         }
-        // By how much offset . normal changes with a step of 1 where the half-space lies.
+        // Change of offset . normal with a step of 1 where the half-space lies.
         let slope = |k: usize| (0..3).map(|j| inverse.rows[j][k] * normal[j] / length).sum::<f64>();
         let slope = [slope(0), slope(1), slope(2)].iter().map(|c| c * c).sum::<f64>().sqrt();
         let moved = Shape::HalfSpace { normal: *normal, offset: offset + by * slope };
@@ -251,8 +251,8 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
     Ok((pieces, rigid))
 }
 
-/// An affine as lengths along its axes, then what neither stretches nor shears; `None` if its axes do not stand at
-/// right angles.
+/// An affine as lengths along its axes, and the rest, which neither stretches nor shears; `None` if its axes do not
+/// stand at right angles.
 fn split(affine: &Affine) -> Option<([f64; 3], Affine)> {
     let columns = [0, 1, 2].map(|k| affine.column(k));
     let dot = |a: usize, b: usize| (0..3).map(|k| columns[a][k] * columns[b][k]).sum::<f64>();
@@ -293,7 +293,7 @@ fn cuboid(low: [f64; 3], high: [f64; 3], by: f64) -> Vec<Piece> {
     pieces
 }
 
-/// A cylinder or cone whose every point is at least so deep in the original.
+/// A cylinder or cone whose points lie at least by that distance within the original.
 fn shrunk_cone(z: [f64; 2], radii: [f64; 2], by: f64) -> Vec<Piece> {
     let slope = (radii[1] - radii[0]) / (z[1] - z[0]);
     let inwards = by * (1.0 + slope * slope).sqrt();
@@ -305,7 +305,7 @@ fn shrunk_cone(z: [f64; 2], radii: [f64; 2], by: f64) -> Vec<Piece> {
     }
     for (end, rim) in ends.iter_mut().zip(&mut rims) {
         if *rim < 0.0 {
-            // It ends in a tip before.
+            // The cone ends in a tip before its rim.
             *end = z[0] + (inwards - radii[0]) / slope;
             *rim = 0.0;
         }
@@ -313,8 +313,8 @@ fn shrunk_cone(z: [f64; 2], radii: [f64; 2], by: f64) -> Vec<Piece> {
     if ends[0] < ends[1] { vec![Piece::new(Shape::Cylinder { z: ends, radii: rims })] } else { Vec::new() }
 }
 
-/// The sum of a cylinder or cone and a ball: itself with its two ends and its side moved outwards, what joins the moved
-/// side to the nearer rim, and tubes along the rims.
+/// The sum of a cylinder or cone and a ball: itself with its two ends and its side moved outwards, a cone that joins
+/// the moved side to the nearer rim, and tubes along the rims.
 fn grown_cone(z: [f64; 2], radii: [f64; 2], by: f64) -> Vec<Piece> {
     let slope = (radii[1] - radii[0]) / (z[1] - z[0]);
     let steep = (1.0 + slope * slope).sqrt();

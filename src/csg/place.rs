@@ -1,4 +1,4 @@
-//! From millimetres to the lattice of 2^-12 voxel on which solids are placed.
+//! Lattice of 2^-12 voxel on which solids are placed, and the way to it from millimetres.
 //!
 //! ```text
 //!   model units --affine of the tree--> mm --grid--> voxels --x 4096, rounded once--> whole numbers
@@ -11,7 +11,7 @@ use crate::fault::Fault;
 use crate::geom::{Affine, Dims};
 use crate::mesh::{Bounds, Grid, GridChoice, STEPS};
 
-/// Whole numbers that placed corners and axes stay below.
+/// Bound of the coordinates of placed corners and axes.
 const LIMIT: f64 = (1 << 29) as f64;
 
 /// The grid of a tree.
@@ -51,7 +51,7 @@ impl LatticeGrid {
     /// The grid of a volume: sample i is the middle of voxel i.
     ///
     /// # Errors
-    /// Its affine has no inverse.
+    /// The volume's affine has no inverse.
     pub(super) fn of_volume(dims: Dims, affine: Affine, spacing_mm: [f64; 3]) -> Result<Self, Fault> {
         let mut to_lattice = affine.inverse().ok_or(singular(0))?;
         for row in &mut to_lattice.rows {

@@ -5,29 +5,29 @@
 //! ```
 //!
 //! The part of a join that needs the deepest stack comes first, so that n leaves need no more than log2 n + 2 places
-//! however deep the tree is. In a box most leaves are all in or all out; what is left of the program then is as long
-//! as the surface there is complicated.
+//! however deep the tree is. In a box most leaves are all in or all out; the rest of the program then is as long as the
+//! surface there is complicated.
 
 use super::flat::{Flat, Kind, Part};
 use crate::builder::Cover;
 
-/// One step: a join, or a leaf with a bit that says whether all but it is meant.
+/// One step: a join, or a leaf with a bit that is set for its complement.
 pub(super) type Step = u32;
 
 const AND: Step = 1 << 31;
 const OR: Step = 1 << 30;
 
-/// Places that a stack has: more than log2 of the most leaves.
+/// Places of a stack: more than log2 of the most leaves.
 pub(super) const STACK: usize = 24;
 const _: () = assert!(super::flat::MAX_LEAVES <= 1 << (STACK - 3));
 
-/// A leaf's number, and whether all but it is meant, of a step that is a leaf.
+/// The leaf of a step, and true for its complement; `None` for a join.
 #[inline]
 pub(super) fn leaf_of(step: Step) -> Option<(u32, bool)> {
     (step < OR).then_some((step >> 1, step & 1 != 0))
 }
 
-/// The other side.
+/// Cover of the complement.
 fn complement(cover: Cover) -> Cover {
     match cover {
         Cover::Outside => Cover::Inside,
@@ -70,16 +70,16 @@ pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
     steps
 }
 
-/// How leaves lie to each other in a box.
+/// Inclusion of leaves in each other in a box.
 pub(super) trait Nesting {
-    /// A number that is the smaller the farther a leaf reaches around the middle of the box; `None` for leaves that are
-    /// not compared.
+    /// Rank of a leaf, the smaller the farther it reaches around the middle of the box; `None` for leaves that are not
+    /// compared.
     fn reach(&self, leaf: u32) -> Option<i64>;
-    /// Is all of one leaf in the box a lattice step and more within the other?
+    /// True if all of one leaf in the box lies a lattice step and more within the other.
     fn holds(&self, outer: u32, inner: u32) -> bool;
 }
 
-/// Leaves that are not compared.
+/// Nesting of leaves that are not compared.
 pub(super) struct Apart;
 
 impl Nesting for Apart {
@@ -92,7 +92,7 @@ impl Nesting for Apart {
     }
 }
 
-/// Leaves that lie the other way round: what would be left of an intersection is left of a union.
+/// Nesting turned round: leaves kept in a union are those otherwise kept in an intersection.
 pub(super) struct Inverse<N>(pub(super) N);
 
 impl<N: Nesting> Nesting for Inverse<N> {
@@ -105,7 +105,7 @@ impl<N: Nesting> Nesting for Inverse<N> {
     }
 }
 
-/// The leaf of a part that decides most of it: of one leaf, or of leaves that are all joined alike.
+/// The leaf that decides most of a part: its only one, or one of several that are all joined alike.
 #[derive(Clone, Copy)]
 struct Lead {
     leaf: u32,
@@ -121,7 +121,7 @@ impl Lead {
         Some(Self { leaf, negated, reach: nesting.reach(leaf)?, join: None })
     }
 
-    /// Both, if they may stand in one list.
+    /// The pair, if both may stand in one list.
     fn pair(a: Option<Self>, b: Option<Self>, join: Step) -> Option<(Self, Self)> {
         let (a, b) = (a?, b?);
         let alike = |lead: &Self| lead.join.is_none_or(|own| own == join);
@@ -129,11 +129,11 @@ impl Lead {
     }
 }
 
-/// Writes what is left of a program where leaves have these covers; nothing, if all is in or out. `None` where the
-/// list has no room: the program itself says the same then.
+/// Writes the rest of a program where leaves have these covers; nothing, if all is in or out. `None` where the list has
+/// no room: the program itself has the same result then.
 ///
-/// Of leaves that are joined alike, those within another one are left out: they change neither which voxels are inside
-/// nor where an edge first comes inside.
+/// Of leaves that are joined alike, those within another one are left out: they change neither the voxels that are
+/// inside nor the place where an edge first comes inside.
 pub(super) fn prune(
     program: &[Step],
     mut cover: impl FnMut(u32) -> Cover,
@@ -176,7 +176,8 @@ pub(super) fn prune(
             let lead = match Lead::pair(lead_a, lead_b, *step) {
                 None => None,
                 Some((a, b)) => {
-                    // Of a union the larger leaf counts, of an intersection the smaller one, of complements the other.
+                    // In a union the larger leaf counts, in an intersection the smaller one; for complements the other
+                    // way round.
                     let larger = is_and == a.negated;
                     let beats = |a: &Lead, b: &Lead| match larger {
                         true => nesting.holds(a.leaf, b.leaf),
@@ -207,7 +208,7 @@ pub(super) fn prune(
     Some(if top == 0 { Cover::Outside } else { stack[0].0 })
 }
 
-/// Is it a union of leaves?
+/// True for a union of leaves.
 pub(super) fn is_union(program: &[Step]) -> bool {
     program.iter().all(|step| leaf_of(*step).map_or(*step == OR, |(_, negated)| !negated))
 }
@@ -230,8 +231,8 @@ pub(super) fn value(program: &[Step], mut leaf: impl FnMut(u32) -> u64) -> u64 {
     stack[0]
 }
 
-/// The value of a program; of each leaf's step, `marks` says whether the value turns when that leaf alone does. Once
-/// forwards for the values, once backwards for what turns with them.
+/// The value of a program; `marks` tells for each leaf's step whether the value turns when that leaf alone does. Once
+/// forwards for the values, once backwards for the marks.
 pub(super) fn turns(program: &[Step], mut leaf: impl FnMut(usize) -> bool, marks: &mut Vec<u8>) -> bool {
     marks.clear();
     let mut stack = [false; STACK];
@@ -250,7 +251,7 @@ pub(super) fn turns(program: &[Step], mut leaf: impl FnMut(usize) -> bool, marks
         }
     }
     let value = stack[0];
-    // Parts that are still to come: the right one of a join ends just before it.
+    // The parts to come: the right one of a join ends just before it.
     stack[0] = true;
     top = 1;
     for (step, mark) in program.iter().zip(marks.iter_mut()).rev() {
@@ -303,7 +304,7 @@ pub(super) fn rows_of(
 mod tests {
     use super::*;
 
-    /// A program of so many leaves, its joins as chance has it, the deeper part first.
+    /// A program of `leaves` leaves with random joins, the deeper part first.
     fn random(leaves: u32, first: u32, next: &mut impl FnMut(u32) -> u32) -> Vec<Step> {
         if leaves == 1 {
             return vec![first << 1 | next(2)];

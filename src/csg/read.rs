@@ -19,7 +19,7 @@ use crate::volume::{SourceError, SourceFault};
 /// Bytes of a text that are read at a time.
 const READ_BYTES: usize = 16 << 10;
 
-/// Is this the beginning of a tree's text? By its name where that does not tell.
+/// True for the beginning of a tree's text; the file's name counts as well.
 pub(crate) fn is_tree(head: &[u8], path: &Path) -> bool {
     let head = plain_head(head);
     let first = String::from_utf8_lossy(&head);
@@ -42,7 +42,7 @@ fn begins_with_module(text: &str) -> bool {
 
 /// Reads a tree from a text in OpenSCAD's evaluated form.
 ///
-/// Memory: at most what a build leaves of the cap. Files that it names are not opened.
+/// Memory: at most the part of the cap that a build does not need. Files that it names are not opened.
 ///
 /// # Errors
 /// A fault of the text, with its line; the file cannot be read; the tree does not fit.
@@ -53,10 +53,10 @@ pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), Build
     parsed.map_err(|bytes| too_small(path, memory, bytes + least))
 }
 
-/// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
+/// The files that a tree names, except its text; the tree may take `allowed_bytes` meanwhile.
 ///
 /// # Errors
-/// Those of [`read_tree`]; links lead out of its folder, and are not to be followed.
+/// The errors of [`read_tree`]; links lead out of its folder, and are not to be followed.
 pub(crate) fn named_files(
     path: &Path,
     allowed_bytes: u64,
@@ -75,7 +75,7 @@ pub(crate) fn named_files(
     Ok(files)
 }
 
-/// A tree that takes at most `most` bytes, or the bytes that it took when it was given up.
+/// A tree that takes at most `most` bytes, or the bytes that it took when reading stopped.
 fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
     let file = PositionalFile::open(path).map_err(|cause| {
@@ -108,12 +108,12 @@ pub(crate) fn memory_bound(path: &Path) -> Option<(u64, u64)> {
 pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), Fault> {
     text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
         Stop::Text(fault) => fault,
-        // Memory can be read, and nothing was said of how much the tree may take.
+        // Text in memory can be read, and its tree has no bound on memory.
         Stop::Read(_) | Stop::Memory { .. } => nothing(),
     })
 }
 
-/// The file of a leaf that is read from one.
+/// The file of a leaf, if it has one.
 fn file_of(shape: &Shape) -> Option<&PathBuf> {
     match shape {
         Shape::Mesh { path } | Shape::Volume { path, .. } => Some(path),
@@ -121,8 +121,8 @@ fn file_of(shape: &Shape) -> Option<&PathBuf> {
     }
 }
 
-/// Refuses files of a tree that do not stay in the folder of its text: a text that came from elsewhere must not make
-/// the program read any file that a link leads to.
+/// Refuses a tree if links lead its files out of the folder of its text: a text of foreign origin must not make the
+/// program read any file that a link leads to.
 pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
     match tree.files().filter_map(file_of).find(|path| !stays(text, path)) {
         None => Ok(()),

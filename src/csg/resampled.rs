@@ -4,10 +4,11 @@
 //!   volume --once--> bricks of 9^3 samples (scratch file) --cache of a thread--> trilinear values of rows
 //! ```
 //!
-//! A voxel's middle is brought to the volume's samples and rounded to 2^-12 of their distance; its value is the trilinear
-//! interpolation there, rounded to a single. Beyond the outermost samples there is nothing, and voxels are outside. So a
-//! volume that is moved by whole voxels, mirrored or turned by right angles has the voxels that it has where it lies, and
-//! neither memory nor threads change a value. (Samples of more than 24 bits are rounded to singles first.)
+//! A voxel's middle is brought to the volume's samples and rounded to 2^-12 of their distance; its value is the
+//! trilinear interpolation there, rounded to a single. Beyond the outermost samples there is nothing, and voxels are
+//! outside. So a volume that is moved by whole voxels, mirrored or turned by right angles has the voxels that it has
+//! where it lies, and neither memory nor threads change a value. (Samples of more than 24 bits are rounded to singles
+//! first.)
 //!
 //! Memory: [`CACHE_BYTES`] a thread, [`LAYING_BYTES`] while bricks are laid. Temporary disk: 5.7 bytes a sample.
 #![expect(
@@ -28,7 +29,7 @@ use crate::platform::PositionalFile;
 use crate::scratch::{PageCache, unnamed};
 use crate::volume::{ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
 
-/// Cells of a brick along each axis, and its samples: those at both ends.
+/// Cells of a brick along each axis, and its samples: one more.
 const CELLS: u32 = 8;
 const SAMPLES: usize = CELLS as usize + 1;
 const BRICK: usize = SAMPLES * SAMPLES * SAMPLES;
@@ -36,7 +37,7 @@ const BRICK: usize = SAMPLES * SAMPLES * SAMPLES;
 const SLOTS: usize = 512;
 /// Bricks laid at a time.
 const LAID: u32 = 32;
-/// Parts of the distance of two samples.
+/// Units of the distance of two samples.
 const PARTS: i64 = 4096;
 
 const CACHE_BYTES: u64 = Cache::memory_bytes(SLOTS, BRICK);
@@ -51,7 +52,7 @@ pub(super) struct ResampledVolume<'a> {
     to_samples: Affine,
     sides: [u32; 3],
     bricks: [u32; 3],
-    /// The value where the volume has none.
+    /// The value outside the volume.
     beyond: f32,
     file: PositionalFile,
     folder: PathBuf,
@@ -81,8 +82,8 @@ fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
 }
 
 impl<'a> ResampledVolume<'a> {
-    /// A volume that `placed` brings from its millimetres to those of the grid, of which what is at least `iso` is
-    /// wanted; `None` if the affine has no inverse.
+    /// A volume that `placed` brings from its millimetres to the grid's, of which values from `iso` on are inside;
+    /// `None` if the affine has no inverse.
     ///
     /// # Errors
     /// The volume cannot be read, or the scratch file not be written.
@@ -117,7 +118,7 @@ impl<'a> ResampledVolume<'a> {
             caches: Mutex::new(Vec::new()),
         };
         let (low, high) = resampled.lay(progress)?;
-        // Outside, and no steeper than the volume itself where it was cut.
+        // A value outside, no steeper than at an edge where the volume was cut.
         let rescale = own.rescale;
         let bound = (iso - rescale.intercept) / rescale.slope;
         let step = 1.0 + bound.abs() * 1e-6;

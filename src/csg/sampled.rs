@@ -1,6 +1,6 @@
 //! Leaves that are sampled slice by slice: meshes and volumes, each a solid of its own.
 //!
-//! Their bits of four slices are in memory, those around the slice that is described and the next one.
+//! Four slices of bits are in memory: those around the described slice, and the next one.
 
 use crate::builder::{OccupancyRows, Solid, SolidWorker, Tile, VoxelBox};
 use crate::geom::Dims;
@@ -14,7 +14,7 @@ pub(super) const ROWS: usize = 34;
 
 pub(super) struct SampledLeaf<'a> {
     pub(super) solid: Box<dyn Solid + 'a>,
-    /// Does it give normals out of itself, whichever side a voxel is on? A mesh gives those that lead to it.
+    /// True if its normals point out of it on either side of its surface. Normals of a mesh lead to it.
     pub(super) gives_outwards: bool,
 }
 
@@ -22,7 +22,7 @@ pub(super) struct Sampler<'a> {
     pub(super) worker: Box<dyn SolidWorker + 'a>,
     dims: [u32; 3],
     column: VoxelBox,
-    /// The slices that were asked for last, without a gap.
+    /// The slices that were asked for last, in one range.
     asked: std::ops::Range<u32>,
     /// Words of a row, one on either side included.
     width: usize,
@@ -30,7 +30,7 @@ pub(super) struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// Memory of one, without that of its worker.
+    /// Memory of a sampler, without its worker.
     pub(super) fn bytes(tile: &Tile) -> u64 {
         (SLICES as usize * ROWS * row_words(tile) * 8) as u64
     }
@@ -52,7 +52,7 @@ impl<'a> Sampler<'a> {
         self.worker.start(column)
     }
 
-    /// Rows in memory: those of the column and one more on either side, as far as they exist.
+    /// Rows in memory: the column's and one more on either side, as far as they exist.
     fn rows(&self) -> std::ops::Range<u32> {
         self.column.y.start.saturating_sub(1)..(self.column.y.end + 1).min(self.dims[1])
     }
@@ -63,7 +63,7 @@ impl<'a> Sampler<'a> {
         if self.asked.contains(&z) && z + SLICES >= self.asked.end {
             return Ok(());
         }
-        // A worker is asked for slices that rise; those it needs to describe one are the two on either side.
+        // A worker is asked for slices in rising order; it needs two on either side to describe one.
         let earliest = z.saturating_sub(SLICES);
         let first = if (earliest..=z).contains(&self.asked.end) { self.asked.end } else { earliest };
         if first != self.asked.end {
@@ -90,7 +90,7 @@ impl<'a> Sampler<'a> {
         &self.bits[(z % SLICES) as usize * ROWS * self.width + row * width..][..width]
     }
 
-    /// The bits of 64 voxels of a row; those of rows that do not exist are 0.
+    /// The bits of 64 voxels of a row; 0 for rows that do not exist.
     pub(super) fn word(&self, x: i64, y: i64, z: u32) -> u64 {
         let at = (x - i64::from(self.column.x.start) + 64).div_euclid(64);
         match (u32::try_from(y), usize::try_from(at)) {
@@ -99,7 +99,7 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Is a voxel inside, of a slice in memory?
+    /// True for a voxel inside, in a slice in memory.
     pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
         let from = i64::from(self.column.x.start);
         let bit = (i64::from(x) - from).rem_euclid(64);

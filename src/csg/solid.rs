@@ -5,7 +5,7 @@
 //!                                                                └─ bits of 34 rows a slice, normals of skin voxels
 //! ```
 //!
-//! The rest of a program in a box decides the cost of the box. Programs of boxes have so many steps at most, and
+//! The rest of a program in a box decides the cost of the box. Programs of boxes have a limited number of steps, and
 //! wait in a store of fixed size; where that is full, the program of a larger box is used, with the same result.
 
 use std::path::{Path, PathBuf};
@@ -43,24 +43,24 @@ pub(super) struct CsgSolid<'a> {
     pub(super) extents: Vec<Extent>,
     pub(super) program: Vec<Step>,
     pub(super) sampled: Vec<SampledLeaf<'a>>,
-    /// Leaves, and steps of the program: what workers hold of them.
+    /// Leaves and steps of the program, which determine the memory of workers.
     pub(super) counts: [usize; 2],
-    /// The text, and what it was before it was read.
+    /// The text, and its identity before it was read.
     pub(super) text: Option<(PathBuf, u64)>,
 }
 
-/// Which leaves stay of those that lie within each other in a box.
+/// Leaves to keep of those that lie within each other in a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keep {
-    /// All: skin asks which of them makes it.
+    /// All leaves: skin asks which of them makes it.
     All,
-    /// Those that say what is inside, and where edges are crossed.
+    /// Leaves that decide which voxels are inside, and where edges are crossed.
     Outermost,
-    /// Of leaves that are joined into one body, those in which the others lie nowhere: the nearest to what is in all.
+    /// Of leaves joined into one body, those that contain no other.
     Innermost,
 }
 
-/// Boxes within boxes: halves of a tile.
+/// Number of levels of boxes within boxes: halves of a tile.
 fn levels(tile: &Tile) -> usize {
     tile.columns.div_ceil(BOX).max(1).ilog2() as usize + 2
 }
@@ -70,7 +70,7 @@ impl CsgSolid<'_> {
         (self.counts[1] * tile.columns.div_ceil(BOX) as usize).min(STORE)
     }
 
-    /// Memory that is held in addition to that of workers.
+    /// Memory held beyond the workers'.
     pub(super) fn bytes(&self) -> u64 {
         let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
         let lists = self.leaves.capacity() * size_of::<Leaf>()
@@ -84,7 +84,7 @@ impl CsgSolid<'_> {
         self.counts[1].min(MAX_STEPS)
     }
 
-    /// Where the voxels of a box lie, of a leaf that is not sampled.
+    /// Cover of a box by a leaf that is not sampled.
     #[inline]
     fn cover(&self, leaf: u32, region: &VoxelBox) -> Cover {
         if self.extents[leaf as usize].misses(region) {
@@ -119,7 +119,7 @@ impl CsgSolid<'_> {
         }
     }
 
-    /// Is a voxel inside a leaf that is not sampled?
+    /// True for a voxel inside a leaf that is not sampled.
     #[inline]
     pub(super) fn contains(&self, leaf: u32, voxel: [i32; 3]) -> bool {
         self.extents[leaf as usize].holds(voxel) && self.leaves[leaf as usize].contains(voxel)
@@ -140,7 +140,7 @@ impl Solid for CsgSolid<'_> {
         self.place.dims
     }
 
-    /// The same for every text of the same tree.
+    /// The metadata: the same for every text of the same tree.
     fn metadata(&self, _: &ScanSummary) -> Metadata {
         let LatticeGrid { dims, affine, spacing_mm, .. } = self.place;
         Metadata {
@@ -202,10 +202,10 @@ impl Solid for CsgSolid<'_> {
 /// The program of a box of 64 columns of a slab.
 #[derive(Clone, Copy, Debug)]
 enum BoxProgram {
-    /// Nothing: the program of the column is used.
+    /// No program is known: the column's is used.
     Unknown,
     Uniform(bool),
-    /// Its program, of the slab's steps.
+    /// Its program: a part of the slab's steps.
     Steps {
         first: u32,
         count: u32,
@@ -218,7 +218,7 @@ struct Slab {
     steps: Vec<Step>,
 }
 
-/// A box, and the program that is left in it.
+/// A box, and the rest of the program in it.
 struct Level {
     region: VoxelBox,
     steps: Vec<Step>,
@@ -229,7 +229,7 @@ pub(super) struct CsgWorker<'a> {
     solid: &'a CsgSolid<'a>,
     column: VoxelBox,
     keep: Keep,
-    /// The program of the column, unless it is that of the whole tree.
+    /// The program of the column, unless it is the whole tree's.
     whole: Vec<Step>,
     is_whole: bool,
     /// Boxes within each other, the smallest last, and lists that are not in use.
@@ -244,7 +244,7 @@ pub(super) struct CsgWorker<'a> {
     description: Description,
 }
 
-/// A program, or what takes its place.
+/// A pruned program, or its uniform value.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Remainder<'p> {
     Uniform(bool),
@@ -309,7 +309,7 @@ impl<'a> CsgWorker<'a> {
         }
     }
 
-    /// Has the sampled leaves ready for a slice, if there are any.
+    /// Prepares the sampled leaves, if there are any, for a slice.
     pub(super) fn ready(&mut self, z: u32) -> Result<(), SourceError> {
         if self.samplers.is_empty() { Ok(()) } else { self.reach(z) }
     }
@@ -330,7 +330,7 @@ impl CsgWorker<'_> {
         box_of(&self.column, x)
     }
 
-    /// Has all sampled leaves that the column meets ready for a slice.
+    /// Prepares all sampled leaves that the column meets for a slice.
     fn reach(&mut self, z: u32) -> Result<(), SourceError> {
         let whole = if self.is_whole { &self.solid.program } else { &self.whole };
         for step in whole {
@@ -343,7 +343,7 @@ impl CsgWorker<'_> {
         Ok(())
     }
 
-    /// Notes what is known of the boxes of a region.
+    /// Stores the cover of the boxes of a region.
     fn keep(&mut self, region: &VoxelBox, slab: u32, cover: Cover, steps: &[Step]) {
         let first = self.box_of(i64::from(region.x.start) + i64::from(region.x.start > self.column.x.start));
         let first = if region.x.start < self.column.x.start { 0 } else { first };
@@ -389,7 +389,7 @@ impl SolidWorker for CsgWorker<'_> {
             slab.kept.resize(self.column.x.len().div_ceil(BOX as usize), BoxProgram::Unknown);
             slab.steps.clear();
         }
-        // This number names only boxes within the slab.
+        // `number` names only boxes within the slab.
         let is_slab = region.z.end <= (number + 1) * SLAB + 1;
         while let Some(level) = self.levels.pop_if(|level| !holds(&level.region, region)) {
             self.unused.push(level.steps);

@@ -1,4 +1,4 @@
-//! Trees of solids: shapes, where they lie, and how they are joined.
+//! Trees of solids: shapes, their places, and their joins.
 //!
 //! ```text
 //! difference
@@ -18,28 +18,28 @@ use crate::geom::Affine;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NodeId(pub(super) u32);
 
-/// How nodes are joined.
+/// Kind of join of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// All that is in one of them.
+    /// All points in one of them.
     Union,
-    /// The part that is in all of them.
+    /// The points in all of them.
     Intersection,
     /// The first without the others.
     Difference,
-    /// All but them.
+    /// All points outside of them.
     Complement,
 }
 
-/// A solid in its own coordinates. What lies on its surface is inside, but for [`Shape::Cuboid`] and
-/// [`Shape::Faces`], which are inside as meshes are: with voxel centres moved by (-e, e^2, e^3).
+/// A solid in its own coordinates. Points on its surface are inside, except for [`Shape::Cuboid`] and [`Shape::Faces`],
+/// which are inside as meshes are: with voxel centres moved by (-e, e^2, e^3).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A box.
     Cuboid {
-        /// Its low corner.
+        /// Low corner.
         low: [f64; 3],
-        /// Its high corner.
+        /// High corner.
         high: [f64; 3],
     },
     /// A sphere, or an ellipsoid along the axes, around the origin.
@@ -49,37 +49,37 @@ pub enum Shape {
     },
     /// A cylinder or a cone around the z axis.
     Cylinder {
-        /// Where it begins and ends.
+        /// Heights of its two ends.
         z: [f64; 2],
-        /// Its radii there.
+        /// Radii at these ends.
         radii: [f64; 2],
     },
     /// A ring around the z axis, with a round tube.
     Torus {
-        /// From the origin to the middle of the tube.
+        /// Radius of the ring: from the origin to the middle of the tube.
         major: f64,
-        /// Radius of the tube; one larger than the ring fills its hole. At most 16 times as large.
+        /// Radius of the tube, at most 16 times the major one; a tube larger than the ring fills its hole.
         minor: f64,
     },
     /// All points p with normal . p <= offset |normal|.
     HalfSpace {
-        /// Points out of it.
+        /// Normal that points out of it.
         normal: [f64; 3],
-        /// How far its plane lies from the origin along the normal.
+        /// Distance of its plane from the origin along the normal.
         offset: f64,
     },
     /// A closed surface of triangles.
     Faces(Faces),
     /// A mesh in a file.
     Mesh {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// The voxels of a volume of at least a value.
+    /// The voxels of a volume from a value on.
     Volume {
-        /// File or folder.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// The value.
+        /// Least value inside.
         iso: f64,
     },
 }
@@ -91,7 +91,8 @@ pub struct Faces {
     pub points: Vec<[f64; 3]>,
     /// Numbers of three points each.
     pub triangles: Vec<[u32; 3]>,
-    /// Is inside where a ray meets it an odd number of times, instead of what it winds around?
+    /// True if points from which a ray meets the surface an odd number of times are inside, instead of points that it
+    /// winds around.
     pub odd: bool,
 }
 
@@ -101,9 +102,9 @@ pub(super) enum Node {
     Leaf { shape: Box<Shape>, line: u32 },
     /// The children are a run of [`Tree::children`].
     Joined { operation: Operation, first: u32, count: u32 },
-    /// A placed node, and the line that says so.
+    /// A placed node, and the line of its placement.
     Placed { at: Box<(Affine, u32)>, node: NodeId },
-    /// A node that is only moved, as most are.
+    /// A node that is only moved, the usual case.
     Moved { at: Box<([f64; 3], u32)>, node: NodeId },
 }
 
@@ -142,13 +143,13 @@ impl Tree {
         self.nodes.len()
     }
 
-    /// Was no node made?
+    /// True if no node was made.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// A leaf. What makes no sense of its numbers is refused when the tree is built.
+    /// A leaf. Senseless numbers of its shape are refused when the tree is built.
     pub fn leaf(&mut self, shape: Shape) -> NodeId {
         self.leaf_of_line(shape, 0)
     }
@@ -215,19 +216,19 @@ impl Tree {
         })
     }
 
-    /// Memory that it holds, about.
+    /// Approximate memory that it holds.
     pub(super) fn bytes(&self) -> u64 {
         let nodes = self.nodes.capacity() * size_of::<Node>() + self.boxed_bytes;
         (nodes + self.children.capacity() * size_of::<NodeId>()) as u64
     }
 }
 
-/// What a box takes of the heap: the allocator puts 8 bytes before it, and rounds up.
+/// Heap bytes of a boxed value: the allocator puts 8 bytes before it, and rounds up.
 pub(super) const fn boxed<T>() -> usize {
     (size_of::<T>() + 8).next_multiple_of(16)
 }
 
-/// What it adds to the two lists of faces.
+/// Bytes of allocation for the two lists of faces.
 const LISTS: usize = 32;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
@@ -239,12 +240,12 @@ pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
     list.push(item);
 }
 
-/// By how much a full list grows.
+/// Growth of a full list.
 fn grown(len: usize) -> usize {
     (len / 8).max(64)
 }
 
-/// A line as it is kept.
+/// A line number in 32 bits.
 fn short(line: u64) -> u32 {
     u32::try_from(line).unwrap_or(u32::MAX)
 }

@@ -1,4 +1,4 @@
-//! Names and copies of volumes by their content: what files are called, and where they lie, does not matter.
+//! Names and copies of volumes by their content, independent of file names and places.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,11 +8,11 @@ use crate::platform::PositionalFile;
 use crate::source::{Finding, StableHash, Subject};
 use crate::volume::VolumeInfo;
 
-/// Bytes that are looked at of a volume of one file; of several, these are shared among them.
+/// Bytes of a volume of one file that are hashed; several files share them.
 const SAMPLE_BYTES: u64 = 256 << 10;
-/// Bytes that are looked at of a file in any case: its head, middle and end.
+/// Least bytes of a file that are hashed: of its head, middle and end.
 const MIN_BYTES: u64 = 3 * PIECE;
-/// Bytes that are read at a time of a sample.
+/// Bytes of a sample that are read at a time.
 const PIECE: u64 = 4 << 10;
 const LONG: u64 = 64 << 10;
 
@@ -21,9 +21,9 @@ pub(super) type EachFile<'a> = &'a dyn Fn(&mut dyn FnMut(&Path));
 
 /// A hash of the lengths of files and of samples of their bytes, in twelve hex digits.
 ///
-/// The head of each file is looked at, and pieces at even distances up to the end, where compressed files have
-/// their checksums; 256 KiB of a single file, 12 KiB of each of many. Files that differ elsewhere only have one
-/// hash: [`is_copy`] compares all of them.
+/// Samples are the head of each file, and pieces at even distances up to the end, where compressed files have their
+/// checksums; 256 KiB of a single file, 12 KiB of each of many. Files that differ elsewhere only have one hash:
+/// [`is_copy`] compares all of them.
 ///
 /// # Errors
 /// A file cannot be read.
@@ -71,8 +71,7 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
     Ok(hash)
 }
 
-/// Is a subject made of the same bytes as another, and placed alike? Two that cannot be used are not copies.
-///
+/// True if a subject is made of the same bytes as another, and placed alike. Two unusable ones are not copies.
 /// Cost: all files of both are read, up to the first difference.
 ///
 /// # Errors
@@ -108,7 +107,7 @@ fn listed(finding: &Finding) -> io::Result<Vec<PathBuf>> {
     match &finding.subject {
         Ok(Subject::Volume(volume)) => volume.for_each_file(&mut |path| files.push(path.to_path_buf())),
         Ok(Subject::Tree(path)) => {
-            // It was read already, within what that may take.
+            // The tree was read already, within its bound on memory.
             files.extend(named_files(path, u64::MAX, true).map_err(io::Error::other)?);
         }
         Ok(Subject::Mesh(_)) | Err(_) => {}
@@ -116,7 +115,7 @@ fn listed(finding: &Finding) -> io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Have two volumes the same size, type and place?
+/// True if two volumes have the same size, type and place.
 fn alike(a: &VolumeInfo, b: &VolumeInfo) -> bool {
     let facts = |i: &VolumeInfo| {
         (i.dims.to_array(), i.scalar.code(), [i.rescale.slope, i.rescale.intercept], i.affine.rows)
@@ -174,7 +173,7 @@ mod tests {
         }
         put("b", &long[1..]);
         assert_ne!(hash(&["a"]), hash(&["b"]));
-        // A single bit elsewhere does not: that takes the comparison.
+        // A single bit elsewhere does not count: only the comparison finds it.
         long[1_500_000] ^= 1;
         put("b", &long);
         assert_eq!(hash(&["a"]), hash(&["b"]));

@@ -1,4 +1,4 @@
-//! One item of a catalogue: what it takes to open it, and its subjects.
+//! One item of a catalogue: the data to open it, and its subjects.
 
 use crate::platform::{OsStrExt, PositionalFile};
 use std::fs::metadata;
@@ -29,7 +29,7 @@ pub(super) struct Item {
     pub(super) what: ItemKind,
     /// Head of its chain in the log.
     pub(super) last: u64,
-    /// The record whose path comes first; items are in the order of these.
+    /// Record of its first path; items are in the order of these.
     pub(super) first: u64,
     pub(super) files: u32,
     pub(super) weight: Weight,
@@ -40,15 +40,15 @@ pub(super) struct Item {
 pub(super) struct Weight {
     /// Files, or the frames in them.
     pub(super) images: u32,
-    /// Memory that is taken for a moment, about.
+    /// Approximate memory that is taken for a moment, in bytes.
     pub(super) opening_bytes: u64,
 }
 
 impl Weight {
-    /// A file of which no more is known than that it is there.
+    /// A file without further knowledge.
     pub(super) const FILE: Self = Self { images: 1, opening_bytes: costs::OPENING_FRAME };
 
-    /// A text of so many bytes, which is held as a tree while it is looked at.
+    /// A text of `bytes` bytes, which is held as a tree while it is read.
     pub(super) fn of_text(bytes: u64) -> Self {
         Self { images: 1, opening_bytes: Self::FILE.opening_bytes.saturating_add(bytes.saturating_mul(8)) }
     }
@@ -76,7 +76,7 @@ pub(super) enum ItemKind {
     Mesh,
     /// The text of a tree of solids.
     Tree,
-    /// Not a file: the description of a volume that is computed.
+    /// The description of a computed volume, without a file.
     Synthetic,
 }
 
@@ -133,7 +133,7 @@ impl Catalogue {
     }
 }
 
-/// An item on its way.
+/// An item that is being opened.
 struct ItemOpener<'a> {
     of: &'a Catalogue,
     item: &'a Item,
@@ -147,7 +147,7 @@ impl ItemOpener<'_> {
     fn open(&self) -> Result<Vec<Finding>> {
         let Weight { images, opening_bytes: needed_bytes } = self.item.weight;
         let allowed_bytes = self.allowed_bytes();
-        // What one image takes is there always.
+        // Memory for one image is always granted.
         if needed_bytes > allowed_bytes && images > 1 {
             let (path, images) = (self.path.to_path_buf(), images.into());
             return Err(SourceFault::ManyImages { path, images, needed_bytes, allowed_bytes }.into());
@@ -204,14 +204,14 @@ impl ItemOpener<'_> {
         (self.name)(format, &|each| each(self.path))
     }
 
-    /// Its only file.
+    /// The fingerprint of its only file.
     fn one(&self) -> InputFiles {
         let mut files = InputFiles::default();
         files.add(self.path, self.first.size, self.first.changed);
         files
     }
 
-    /// A header and what it names: the samples may change without it.
+    /// The fingerprint of a header and its data files: samples may change without it.
     fn with_samples(&self, opened: &Volumes) -> InputFiles {
         let mut files = self.one();
         each_sample(self.path, opened, &mut |data| {
@@ -301,7 +301,7 @@ impl ItemOpener<'_> {
         });
         let id = (self.name)("csg", &|each| {
             each(self.path);
-            // Of a folder no bytes can be read.
+            // A folder has no bytes to read.
             let named = all_there.iter().flatten().filter(|path| path.is_file());
             named.for_each(|path| each(path));
         });
@@ -331,12 +331,12 @@ fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
     mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
 }
 
-/// The error of a file that is not what it was when its folder was searched.
+/// The error of a file that changed after its folder was searched.
 pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
     SourceError::from(bad!("was changed while the folders were searched; start again").at(path))
 }
 
-/// A subject of one file or folder, of which no more is known than that.
+/// A subject of one file or folder, without further facts.
 pub(super) fn finding(
     path: &Path,
     format: &'static str,

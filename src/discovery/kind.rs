@@ -13,15 +13,15 @@ use crate::synthetic::is_synthetic;
 use crate::text::plain_head;
 
 /// Kind of a file that is built on a grid of the caller's choice, by its first bytes and its length; by its name where
-/// these do not tell.
+/// these leave it open.
 pub(super) fn solid_kind(head: &[u8], bytes: u64, path: &Path) -> Option<SubjectKind> {
     let mesh = mesh::format_of(head, bytes, path).map(|_| SubjectKind::Mesh);
     mesh.or_else(|| csg::is_tree(head, path).then_some(SubjectKind::Tree))
 }
 
 impl SubjectKind {
-    /// Kind of some inputs: a mesh where all are files of meshes, a tree where one of them is one, a volume
-    /// otherwise. A file that cannot be read is what its name says.
+    /// Kind of some inputs: a mesh where all are files of meshes, a tree where one of them is one, a volume otherwise.
+    /// The name of an unreadable file decides.
     pub fn of(inputs: &[PathBuf]) -> Self {
         match inputs {
             [] => Self::Volume,
@@ -92,7 +92,7 @@ mod tests {
         assert_eq!(SubjectKind::of(&at(&["a.stl", "part"])), SubjectKind::Mesh);
         assert_eq!(SubjectKind::of(&at(&["a.stl", "b.stl"])), SubjectKind::Volume);
         assert_eq!(SubjectKind::of(&at(&["a.stl", "a.csg"])), SubjectKind::Tree);
-        // What is missing, and folders.
+        // Missing files, and folders.
         let missing = ["x.stl", "x.csg", "x.nrrd"].map(|name| SubjectKind::of(&at(&[name])));
         assert_eq!(missing, [SubjectKind::Mesh, SubjectKind::Tree, SubjectKind::Volume]);
         fs::create_dir(folder.path().join("d.stl")).unwrap();

@@ -1,4 +1,4 @@
-//! Files that are not built: how many of each kind, and every one of them.
+//! Files that are not built: their number by kind, and the list of all.
 
 use std::fmt;
 use std::io;
@@ -11,7 +11,7 @@ use crate::source::{Known, natural_cmp};
 use crate::text::names::{FOLLOW_LINKS, GRID, VOXEL};
 use crate::volume::{Result, SourceError};
 
-/// Why a file or folder is left out.
+/// Reason for leaving out a file or folder.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq)]
 pub enum NotVolume {
@@ -60,7 +60,7 @@ impl fmt::Display for NotVolume {
     }
 }
 
-/// Different reasons that are kept apart.
+/// Most reasons that are distinguished.
 const MAX_REASONS: usize = 32;
 /// Files left out up to which their names are sorted in memory.
 const MAX_SORTED: u64 = 4096;
@@ -68,9 +68,9 @@ const MAX_SORTED: u64 = 4096;
 /// Files that are not volumes and no part of one: one line for each kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Their kind.
+    /// Reason for leaving them out.
     pub why: NotVolume,
-    /// How many.
+    /// Number of files.
     pub count: u64,
     /// The first of them, in natural order.
     pub first: PathBuf,
@@ -81,7 +81,7 @@ pub struct LeftOut {
 pub(super) struct LeftOutFiles {
     kinds: Vec<LeftOut>,
     log: Log,
-    /// Reasons, by the number that stands in a record in place of the file's size.
+    /// Reasons, by the number that a record has in place of the file's size.
     reasons: Vec<NotVolume>,
 }
 
@@ -128,7 +128,7 @@ impl LeftOutFiles {
     fn note(&mut self, why: &NotVolume, path: &Path) -> Result {
         let number = self.reasons.iter().position(|known| known == why);
         let number = number.unwrap_or_else(|| {
-            // As for the counts: many reasons become one.
+            // Many reasons become one, like the counts.
             let full = self.reasons.len() >= MAX_REASONS;
             self.reasons.push(if full { NotVolume::Other } else { why.clone() });
             if self.reasons.len() > MAX_REASONS + 1 {

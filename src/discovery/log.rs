@@ -22,7 +22,7 @@ pub(super) const NONE: u64 = u64::MAX;
 /// Bytes before the path.
 const HEAD_BYTES: usize = 32;
 
-/// Bytes that wait in memory; what is smaller altogether never touches the disk.
+/// Bytes held in memory; a smaller log never touches the disk.
 const MEMORY_BYTES: usize = 64 << 10;
 
 /// Longest path that is kept; the system's own limit is 4096.
@@ -101,7 +101,7 @@ impl Log {
     /// All records, in the order in which they were added.
     ///
     /// # Errors
-    /// As [`Log::get`], for each.
+    /// The errors of [`Log::get`], for each record.
     pub(super) fn all(&self) -> impl Iterator<Item = Result<Record>> + '_ {
         let end = self.0.len();
         let mut next = 0;
@@ -118,7 +118,7 @@ impl Log {
     /// The records of a chain, last first.
     ///
     /// # Errors
-    /// As [`Log::get`], for each.
+    /// The errors of [`Log::get`], for each record.
     pub(super) fn chain(&self, last: u64) -> impl Iterator<Item = Result<Record>> + '_ {
         let mut next = last;
         std::iter::from_fn(move || {

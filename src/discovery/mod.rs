@@ -9,9 +9,9 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `kind` | volume, mesh or tree, by content |
-//! | `open` | [`Subject::open`](crate::Subject::open), and the volume of some inputs that is meant |
-//! | `walk`, `surveyor` | folders entry by entry; what each file is, and what it belongs to |
-//! | `item` | series, stacks and files, and how they are opened |
+//! | `open` | [`Subject::open`](crate::Subject::open), and the choice of a volume among some inputs |
+//! | `walk`, `surveyor` | folders entry by entry; the kind of each file, and its item |
+//! | `item` | series, stacks and files, and their opening |
 //! | `content` | names and copies by content |
 //! | `sidecar`, `placing` | texts that describe headerless voxels, or place others |
 //! | `left_out` | files that are not built |
@@ -49,7 +49,7 @@ use order::{full_path, precedes, sort_or_stop};
 use surveyor::Surveyor;
 use walk::{walk, without_repeats};
 
-/// Everything that was found below some inputs.
+/// All items below some inputs.
 #[derive(Debug)]
 pub struct Catalogue {
     inputs: Vec<PathBuf>,
@@ -62,17 +62,18 @@ pub struct Catalogue {
 /// Volumes of one input that are alike, and are all taken; echoes, phases and the like are fewer.
 const MAX_ALIKE: usize = 16;
 
-/// How deep the folders below an input are searched, if nothing else is said: deep enough for every
-/// archive, and an end for a file system that contains itself.
+/// Depth to which the folders below an input are searched by default: enough for every archive, and an end for a file
+/// system that contains itself.
 const DEPTH: u32 = 16;
 
 impl Catalogue {
-    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`](crate::synthetic) volumes; folders are
-    /// searched with everything below them (hidden entries are left out, and links to folders). The result does not depend on the order in
-    /// which a folder lists its files.
+    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`](crate::synthetic) volumes;
+    /// folders are searched with all levels below them (hidden entries are left out, and links to folders). The result
+    /// does not depend on the order in which a folder lists its files.
     ///
     /// # Errors
-    /// An input cannot be read at all or describes nothing, or `scratch` cannot hold what does not fit into memory.
+    /// An input cannot be read at all or describes nothing, or `scratch` cannot hold the data that does not fit into
+    /// memory.
     pub fn survey(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Self> {
         Self::survey_to_depth(inputs, options, scratch, DEPTH)
     }
@@ -80,7 +81,7 @@ impl Catalogue {
     /// Like [`Catalogue::survey`], but folders are entered `depth` levels deep only.
     ///
     /// # Errors
-    /// As [`Catalogue::survey`].
+    /// The errors of [`Catalogue::survey`].
     pub(crate) fn survey_to_depth(
         inputs: &[PathBuf],
         options: &OpenOptions,
@@ -104,7 +105,7 @@ impl Catalogue {
         self.items.len()
     }
 
-    /// Was nothing found?
+    /// True if nothing was found.
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
@@ -116,7 +117,7 @@ impl Catalogue {
         let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
         let findings = self.open_named(index, &|format, files| match hash_of(files) {
             Ok(hash) => format!("{format}-{hash}"),
-            // Nothing is made of what cannot be read: its name has to tell it from others in reports only.
+            // An unreadable input is not built: its name only has to distinguish it from others in reports.
             Err(_) => unreadable(format),
         });
         self.first_of_many(self.joined(findings))
@@ -200,7 +201,7 @@ impl Catalogue {
             }
         }
         for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
-            // Images that cannot be read any more do not name their series.
+            // Images that have become unreadable do not name their series.
             finding.id = name(finding.format, &|each| each(&finding.path));
         }
         if !self.options.placement.is_empty() && self.options.raw.is_none() {
@@ -211,22 +212,21 @@ impl Catalogue {
         findings
     }
 
-    /// Is a volume a copy of the volume `part` of item `index`, byte for byte and placed alike?
+    /// True if a volume is a copy of the volume `part` of item `index`, byte for byte and placed alike.
     ///
-    /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
-    /// cannot be read is not a copy.
+    /// Cost: that item is opened again, and all files of both are read, up to the first difference. An unreadable
+    /// volume is not a copy.
     pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
         let mut others = self.first_of_many(self.joined(self.open_unnamed(index))).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
-    /// Memory that opening item `index` takes for a moment, about; a third of it stays while its volumes are
-    /// held.
+    /// Approximate memory that opening item `index` takes for a moment; a third of it stays while its volumes are held.
     pub fn opening_bytes(&self, index: usize) -> u64 {
         self.items.get(index).map_or(0, |item| item.weight.opening_bytes)
     }
 
-    /// Bounds what [`Catalogue::open`] may take for a moment; items that need more are refused.
+    /// Bounds the memory that [`Catalogue::open`] may take for a moment; items that need more are refused.
     pub(crate) fn allow_opening(&mut self, bytes: u64) {
         self.options.opening_bytes = Some(bytes);
     }

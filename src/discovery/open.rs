@@ -1,4 +1,4 @@
-//! One entrance for every kind of input.
+//! Opening of inputs of every kind.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
@@ -25,7 +25,7 @@ use crate::volume::{
 };
 use std::fmt;
 
-/// How deep folders are searched below the one given.
+/// Depth to which folders are searched below the given one.
 const DEPTH: u32 = 5;
 
 /// Files or volumes named in one note.
@@ -34,14 +34,14 @@ const NAMED: usize = 3;
 /// Memory that unrolling a packed input may take in [`open`].
 const UNROLLING_BYTES: u64 = 64 << 20;
 
-/// Opens a volume, ready to be read: headerless if the options say what it is, otherwise by what the files contain.
+/// Opens a volume, ready to be read: headerless if the options state its layout, otherwise by the content of the files.
 ///
 /// Packed inputs (gzip, compressed images) are unrolled into an anonymous file in the system's folder for temporary
 /// files, as large as the volume, within 64 MiB of memory. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one.
 ///
 /// # Errors
-/// A [`SourceError`] that names the input and says what was found and what to add.
+/// A [`SourceError`] that names the input, its content and the option to add.
 pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     let scratch = std::env::temp_dir();
     let mut volume = open_unprepared_in(inputs, options, &scratch)?;
@@ -53,7 +53,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 /// Like `open_unprepared_in`, with the system's folder for temporary files.
 ///
 /// # Errors
-/// As `open_unprepared_in`.
+/// The errors of `open_unprepared_in`.
 pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     open_unprepared_in(inputs, options, &std::env::temp_dir())
 }
@@ -61,15 +61,14 @@ pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<
 /// Opens a volume whose rows cannot be read before [`VolumeSource::prepare`] has been called: for callers who plan
 /// memory and scratch space themselves.
 ///
-/// Folders are searched five levels deep. Of several volumes the largest is taken, unless
-/// [`OpenOptions::volume`] chooses one; the others are listed in a note. A single slice is a volume,
-/// but only if nothing has several. More names of files than fit into some 64 KiB wait in an anonymous
-/// file in `scratch`. A single file or folder that is nothing by itself may be described by a side-car
-/// next to it.
+/// Folders are searched five levels deep. Of several volumes the largest is taken, unless [`OpenOptions::volume`]
+/// chooses one; the others are listed in a note. A single slice is a volume only if no input has several. Names of
+/// files beyond some 64 KiB wait in an anonymous file in `scratch`. A single file or folder that is nothing by itself
+/// may be described by a side-car next to it.
 ///
 /// # Errors
-/// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
-/// volume, or only what must be refused; of the volume that is chosen, why it cannot be used.
+/// A [`SourceError`] that names the input, its content and the option to add: nothing is a volume, or all that are must
+/// be refused, or the chosen volume cannot be used, with the reason.
 pub(crate) fn open_unprepared_in(
     inputs: &[PathBuf],
     options: &OpenOptions,
@@ -86,7 +85,7 @@ pub(crate) fn open_unprepared_in(
     Ok(volume)
 }
 
-/// The volume that is meant.
+/// The volume to open among those of the inputs.
 fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
@@ -101,13 +100,13 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
     let Some(first) = inputs.first() else {
         return Err(usage!("no input file is given").into());
     };
-    // A file that was given by name is not left out in silence.
+    // A file that was given by name is never left out silently.
     let is_empty =
         |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
     if let Some(path) = inputs.iter().find(is_empty) {
         return Err(bad!("is empty; give a DICOM series or headerless voxels").at(path).into());
     }
-    // The samples of a pair do not say what they are; their header does.
+    // The samples of a pair do not state their layout; their header does.
     let header = match inputs {
         [path] => header_of_samples(path),
         _ => None,
@@ -117,7 +116,7 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
     let options = &OpenOptions { meshes: false, ..options.clone() };
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
-        // Nothing by itself, but described by a side-car.
+        // The input may be described by a side-car only.
         if let [data] = inputs
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
@@ -163,8 +162,8 @@ fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSou
     joined(findings, overlap).map(Some)
 }
 
-/// The map of masks, or of the segments of one file. Each has the label that its file states of it, unless two have the
-/// same number, and otherwise the name of its part or file.
+/// The map of masks, or of the segments of one file. Each has the label that its file states for it, unless two have
+/// the same number, and otherwise the name of its part or file.
 fn joined(findings: Vec<Finding>, overlap: Overlap) -> Result<Box<dyn VolumeSource>> {
     let segments = findings.iter().all(|finding| finding.path == findings[0].path);
     let mut parts: Vec<MaskPart> = Vec::new();
@@ -186,7 +185,7 @@ fn joined(findings: Vec<Finding>, overlap: Overlap) -> Result<Box<dyn VolumeSour
     Ok(Box::new(Masks::of(parts, overlap, segments)?))
 }
 
-/// The segments of one segmentation as one map of its labels, under the name of the whole; other volumes as they are.
+/// The segments of one segmentation as one map of its labels, under the name of the whole; other volumes unchanged.
 pub(super) fn join_segments(findings: Vec<Finding>, overlap: Overlap) -> Vec<Finding> {
     let is_segment = |finding: &Finding| {
         let volume = finding.subject.as_ref().ok().and_then(Subject::volume);
@@ -210,7 +209,7 @@ pub(super) fn join_segments(findings: Vec<Finding>, overlap: Overlap) -> Vec<Fin
     vec![Finding { path, id, format, kind, part: None, size, files, burned_in, at: 0, more, subject }]
 }
 
-/// A volume of labels with the names that are to be stored: those of codes, or those that were typed in.
+/// A volume of labels with the names to be stored: the meanings of codes, or typed names.
 fn with_names(
     mut volume: Box<dyn VolumeSource>,
     overlap: Overlap,
@@ -240,26 +239,26 @@ fn with_names(
     Ok(InfoOverride::boxed(volume, info))
 }
 
-/// A file's name without what follows its first dot: `liver` of `liver.nii.gz`.
+/// A file's name up to its first dot: `liver` of `liver.nii.gz`.
 fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.split_once('.').map_or(&*name, |(stem, _)| stem).to_owned()
 }
 
 impl Subject {
-    /// Opens what lies at some paths, by its content: a mesh where all are files of meshes, the tree of a single text,
-    /// and a volume otherwise, as [`discovery::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
-    /// read yet.
+    /// Opens the files at some paths, by their content: a mesh where all are files of meshes, the tree of a single
+    /// text, and a volume otherwise, like [`discovery::open_unprepared`](super::open_unprepared). Meshes and trees are
+    /// not read yet.
     ///
     /// # Errors
-    /// As [`discovery::open_unprepared`](super::open_unprepared), and several trees.
+    /// The errors of [`discovery::open_unprepared`](super::open_unprepared), and several trees.
     pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
         // A stated layout is believed.
         let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
         Self::open_as(kind, inputs, options, &std::env::temp_dir())
     }
 
-    /// The same where the kind is known, with the folder of temporary files.
+    /// Like [`Subject::open`] where the kind is known, with the folder of temporary files.
     pub(crate) fn open_as(
         kind: SubjectKind,
         inputs: &[PathBuf],
@@ -278,10 +277,10 @@ impl Subject {
     }
 }
 
-/// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.
+/// Rank of a volume in the choice among several: refused, a single slice, several slices; then its size.
 type Rank = (u8, u64);
 
-/// The volume that is meant, as far as was seen.
+/// The best volume seen so far.
 struct Best {
     rank: Rank,
     number: usize,
@@ -316,7 +315,7 @@ struct Chooser {
     wanted: Option<usize>,
     seen: usize,
     best: Option<Best>,
-    /// The largest refused one, with more than one slice?
+    /// The largest refused one: its voxels, true for more than one slice, and its number.
     refused: Option<(u64, bool, usize)>,
     /// The largest of those that are refused for missing slices only, which a choice could mend.
     gapped: Option<(u64, usize)>,
@@ -337,14 +336,14 @@ impl Chooser {
         let error = finding.subject.as_ref().err();
         let damaged = error.is_some_and(SourceError::is_damage);
         let has_gaps = error.is_some_and(SourceError::has_gaps);
-        // A slice that is cut short is not a reason to take another volume in silence.
+        // A slice that is cut short is not a reason to take another volume silently.
         let usable = error.is_none() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
         let candidate = Candidate { kind: finding.kind, part: finding.part, size: finding.size };
         let at = self.named.iter().position(|(r, ..)| *r < rank).unwrap_or(self.named.len());
         self.named.insert(at, (rank, number, candidate.clone()));
-        // One more than is named, for the one that is taken.
+        // One more than is named is kept, for the volume that is taken.
         self.named.truncate(NAMED + 1);
         if damaged && self.damaged.len() < NAMED {
             self.damaged.push(number);
@@ -385,7 +384,8 @@ impl Chooser {
 
     fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>> {
         let Self { wanted, seen, best, refused, gapped, named, damaged, mut errors } = self;
-        // A larger series that lacks a slice is what is meant; a smaller one is not taken for it in silence.
+        // A larger series that lacks a slice is likely the wanted one; a smaller one is not taken silently in its
+        // place.
         if let (None, Some(best), Some((voxels, number))) = (wanted, &best, gapped)
             && voxels > best.rank.1
             && let Some(error) = errors.remove(&number)
@@ -465,7 +465,7 @@ fn known_otherwise(what: Known) -> Fault {
     )
 }
 
-/// The refusal of inputs among which there is nothing like a volume.
+/// The refusal of inputs without a volume.
 fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     if let [path] = inputs
         && path.is_file()
@@ -487,7 +487,7 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
             unfit!("none of the {files} file(s) is a volume: {}", only.why)
         }
         several => match several.iter().find(|left| matches!(left.why, NotVolume::SideCar(_))) {
-            // It may be why nothing else is a volume.
+            // The side-car may be the reason why nothing else is a volume.
             Some(left) => unfit!("none of the {files} file(s) is a volume: {}", left.why),
             None => unfit!(
                 "no volume is among the {files} file(s); for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}"
@@ -547,7 +547,7 @@ fn refuse_file(path: &Path) -> SourceError {
 /// The first bytes of a file.
 fn head_of(file: &PositionalFile) -> Vec<u8> {
     let mut head = Vec::new();
-    // What cannot be read is not known.
+    // An unreadable file has an unknown head.
     let _ = file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head);
     head
 }
@@ -570,11 +570,11 @@ mod tests {
         describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "spacing_mm": [1, 2, 3]}"#);
         let volume = opened().unwrap();
         assert_eq!((volume.info().dims.to_array(), volume.info().spacing_mm), ([1, 2, 4], [1.0, 2.0, 3.0]));
-        // One that is wrong is what the user has to hear of.
+        // A wrong side-car must be reported.
         describe(r#"{"dims": [1, 2, 4], "dtype": "u7"}"#);
         let text = opened().err().unwrap().to_string();
         assert!(text.contains("a.json") && text.contains("dtype"), "{text}");
-        // It describes something else.
+        // A side-car of other data does not count.
         describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "file": "b.raw"}"#);
         assert!(opened().err().unwrap().to_string().contains("add dims"));
     }

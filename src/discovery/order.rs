@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::log::Record;
 use crate::source::natural_cmp;
 
-/// Where a record's file is.
+/// Path of a record's file.
 pub(super) fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
     let input = inputs.get(record.input as usize).map_or(Path::new(""), PathBuf::as_path);
     // Joined with nothing, a file would get a slash at its end.
@@ -22,8 +22,8 @@ pub(super) fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::
     natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes())
 }
 
-/// Sorts by an order that has to be read and may fail; equal ones keep their places. (That of the standard
-/// library needs an answer to every comparison, and may panic on answers that contradict each other.)
+/// Sorts by an order that has to be read and may fail; equal items keep their places. (The standard library's sort
+/// needs an answer to every comparison, and may panic on answers that contradict each other.)
 pub(super) fn sort_or_stop<T: Copy, E>(
     items: &mut Vec<T>,
     compare: impl Fn(&T, &T) -> Result<std::cmp::Ordering, E>,

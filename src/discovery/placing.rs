@@ -1,5 +1,5 @@
-//! Side-cars of data that says what it holds, but not where it lies: `spacing` and `orientation` for PNG, TIFF and
-//! `.npy`. See [`sidecar`](super::sidecar) for the language.
+//! Side-cars of data that states its content, but not its place: `spacing` and `orientation` for PNG, TIFF and `.npy`.
+//! See [`sidecar`](super::sidecar) for the language.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -20,7 +20,7 @@ pub(super) struct PlacementSidecar {
     said: Result<(Placement, Vec<String>), Fault>,
 }
 
-/// Keys that mean something where data only has to be placed.
+/// Keys of a side-car that only places data.
 const PLACING_KEYS: [&str; 4] = ["spacing", "spacing_mm", "orientation", "file"];
 
 /// Endings of files that can be placed.
@@ -51,7 +51,7 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<PlacementSidecar> {
             inside.extend(candidates(&data.join(name)).chain(candidates(&data.join(INSIDE))));
         }
         candidates(data).chain(inside).find_map(|path| {
-            // What is named like the data, and cannot be read, would have said where it lies.
+            // An unreadable side-car with the name of the data counts, since it would have placed it.
             if let Some(unparsed) = unparsed(&path) {
                 return Some(PlacementSidecar { path, said: Err(bad!("{unparsed}")) });
             }
@@ -63,12 +63,12 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<PlacementSidecar> {
     data.iter().find_map(of)
 }
 
-/// Does a side-car place data that is there?
+/// True for a side-car that places existing data.
 pub(super) fn places(path: &Path) -> bool {
     is_named_so(path) && read_placing(path).is_some() && may_place(path)
 }
 
-/// Is data that a side-car of this name may place next to it, or around it?
+/// True if data that a side-car of this name may place lies next to it, or around it.
 pub(super) fn may_place(path: &Path) -> bool {
     let has_pictures = |folder: &Path| {
         let is_picture = |name: PathBuf| {
@@ -137,7 +137,7 @@ mod tests {
         };
         assert_eq!(found(), None);
         let says = r#"{"spacing": [1, 2, 3]}"#;
-        // From the last one that counts to the first.
+        // Names in rising precedence.
         for name in [
             "pictures/stack.toml",
             "pictures/stack.json",

@@ -10,17 +10,18 @@
 //! | `spacing`, `spacing_mm` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
 //! | `skip` | bytes at the head of every file | 0 |
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |
-//! | `file` | name of the data, in the same folder | the file or folder of the same stem, of several the one of the due length |
+//! | `file` | name of the data, in the same folder | the file or folder of the same stem, of several the one of the
+//! described length |
 //!
-//! Files that say what they hold, but not where it lies, need less: `stack.json` with `spacing` or `orientation`
-//! (and without `dims` and `dtype`) states these for `stack.npy`, `stack.tif`, or a folder `stack` of PNG or
-//! TIFF files; `file` may name the data again, and other keys mean nothing. For pictures it may also lie in
-//! their folder, under the folder's name or as `stack.json`. Spacing that a TIFF states itself is replaced, with
-//! a warning; formats that always state theirs have no side-cars.
+//! Files that state their content, but not their place, need less: `stack.json` with `spacing` or `orientation` (and
+//! without `dims` and `dtype`) states these for `stack.npy`, `stack.tif`, or a folder `stack` of PNG or TIFF files;
+//! `file` may name the data again, and other keys mean nothing. For pictures it may also lie in their folder, under the
+//! folder's name or as `stack.json`. Spacing that a TIFF states itself is replaced, with a warning; formats that always
+//! state theirs have no side-cars.
 //!
-//! Other keys are named in a warning, in case one is misspelt. Of several side-cars of the same data the one
-//! with the longer name counts, then JSON before TOML. Of TOML, keys before the first table are read, with strings, numbers and lists
-//! as values; that needs no parser of the whole language, whose code would count as memory.
+//! Other keys are named in a warning, in case one is misspelt. Of several side-cars of the same data the one with the
+//! longer name counts, then JSON before TOML. TOML is read up to the first table, with strings, numbers and lists as
+//! values; that needs no parser of the whole language, whose code would count as memory.
 
 mod keys;
 
@@ -45,20 +46,20 @@ const MAX_BYTES: u64 = 64 << 10;
 /// The contents of a side-car of raw data.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sidecar {
-    /// How the data is read.
+    /// Options for reading the data.
     pub(super) options: RawOptions,
     /// Name of the data in the same folder, where it is stated.
     pub(super) file: Option<String>,
-    /// Keys that mean nothing here, as many as are named.
+    /// Keys without a meaning, as many as are named.
     unknown: Vec<String>,
     /// The options that are stated, and not the default.
     stated: Placement,
 }
 
-/// Keys that mean something.
+/// Keys with a meaning.
 const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
 
-/// Does a name end like a side-car's?
+/// True if a name ends like a side-car's.
 pub(super) fn is_named_so(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "json" || e == "toml")
 }
@@ -79,7 +80,7 @@ pub(super) fn keys_of(path: &Path) -> Option<Keys> {
     parse(path, &text_of(path)?.ok()?).ok()
 }
 
-/// The keys of a text, or why they cannot be told.
+/// The keys of a text, or the reason why it cannot be parsed.
 fn parse(path: &Path, bytes: &[u8]) -> Result<Keys, String> {
     let mark = mark_bytes(bytes).map_err(|wide| wide.to_string())?;
     let text = String::from_utf8_lossy(bytes.get(mark..).unwrap_or_default());
@@ -90,7 +91,7 @@ fn is_toml(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "toml")
 }
 
-/// The bytes of a text that is short enough for a side-car, or why they cannot be read.
+/// The bytes of a text that is short enough for a side-car, or the error of reading it.
 fn text_of(path: &Path) -> Option<io::Result<Vec<u8>>> {
     // Opening a pipe could wait forever.
     fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
@@ -100,8 +101,8 @@ fn text_of(path: &Path) -> Option<io::Result<Vec<u8>>> {
     Some(read.map(|_| text))
 }
 
-/// The fault of a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies next to data
-/// of its stem, but cannot be parsed; one that cannot be read may mention them.
+/// The fault of a text that cannot be parsed and seems a side-car, as it mentions `dims` or `dtype` and lies next to
+/// data of its stem; an unreadable text may mention them.
 pub(super) fn unparsed(path: &Path) -> Option<String> {
     let text = text_of(path)?;
     let plain = text.as_deref().map(plain_head).unwrap_or_default();
@@ -119,7 +120,7 @@ pub(super) fn unparsed(path: &Path) -> Option<String> {
     }
 }
 
-/// The missing key of a text that is meant as a side-car of raw data and lies next to data of its stem.
+/// The missing key of a text that seems a side-car of raw data and lies next to data of its stem.
 pub(super) fn incomplete(path: &Path) -> Option<String> {
     let key = keys_of(path)?.lacks()?;
     data_of(path).map(|_| {
@@ -127,7 +128,7 @@ pub(super) fn incomplete(path: &Path) -> Option<String> {
     })
 }
 
-/// The fault of the side-cars next to a file of samples, if there are any: else it would have been read.
+/// The fault of a side-car next to a file of samples, if there is one: a correct side-car would have been read.
 pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
     let longer = |suffix: &str| {
         let mut name = data.file_name().unwrap_or_default().to_owned();
@@ -159,10 +160,10 @@ impl Sidecar {
         Ok(Self { options, file, unknown: keys.unknown(&KEYS), stated })
     }
 
-    /// The data of the stem; of several the one of the due length.
+    /// The data of the stem; of several files the one of the described length.
     ///
     /// # Errors
-    /// Several have it.
+    /// Several files have that length.
     fn only_data(&self, path: &Path) -> Result<Option<PathBuf>> {
         let all = all_data_of(path);
         let is_due =
@@ -221,7 +222,7 @@ pub(super) fn of(data: &Path) -> Option<PathBuf> {
     })
 }
 
-/// Does another side-car of the same data count instead of this one?
+/// True if another side-car of the same data takes precedence.
 pub(super) fn is_outdone(path: &Path) -> bool {
     let data = match read(path) {
         Some(Ok(Sidecar { file: Some(name), .. })) => Some(path.with_file_name(name)),
@@ -233,12 +234,12 @@ pub(super) fn is_outdone(path: &Path) -> bool {
     })
 }
 
-/// Is a file or folder the data of a side-car next to it?
+/// True if a file or folder is the data of a side-car next to it.
 pub(super) fn describes(data: &Path) -> bool {
     of(data).is_some()
 }
 
-/// Opens the volume that a side-car describes, placed as is asked for where it does not say.
+/// Opens the volume that a side-car describes, placed by the options where the side-car does not say.
 ///
 /// # Errors
 /// The side-car is faulty, or its data is missing, of another length, or one of several.
@@ -246,10 +247,10 @@ pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSourc
     open_with(path, None, how)
 }
 
-/// As [`open`], of this file of samples where the side-car names none.
+/// Like [`open`], with this file of samples where the side-car names none.
 ///
 /// # Errors
-/// As [`open`].
+/// The errors of [`open`].
 pub(super) fn open_with(
     path: &Path,
     asked: Option<&Path>,
@@ -474,7 +475,7 @@ mod tests {
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
         assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
-        // Several files of the stem: the due length decides, or the name that was asked for.
+        // Several files of the stem: the described length decides, or the given name.
         fs::write(at("a.dat"), [0; 9]).unwrap();
         assert!(open(&at("a.json"), &OpenOptions::default()).is_ok());
         fs::write(at("a.dat"), [0; 8]).unwrap();

@@ -32,7 +32,7 @@ pub(super) struct Surveyor<'a> {
     items: Vec<Item>,
     log: Log,
     left_out: LeftOutFiles,
-    /// Items that take more than one file, by what they are and a hash of their key.
+    /// Items that take more than one file, by their kind and a hash of their key.
     index: HashMap<(ItemKind, u64), u32>,
 }
 
@@ -41,12 +41,12 @@ enum Class {
     /// A volume of its own, or with `Some` key a part of one.
     Item(ItemKind, Option<u64>, Weight),
     LeftOut(NotVolume),
-    /// Part of something that is counted elsewhere.
+    /// Part of an item that is counted elsewhere.
     Part,
 }
 
 impl<'a> Surveyor<'a> {
-    /// Nothing found yet; names will wait in an anonymous file in `scratch`.
+    /// A surveyor without findings; names will wait in an anonymous file in `scratch`.
     pub(super) fn new(inputs: &'a [PathBuf], options: &'a OpenOptions, scratch: &Path) -> Self {
         Self {
             inputs,
@@ -233,17 +233,17 @@ impl Visitor for Surveyor<'_> {
     }
 
     fn not_entered(&mut self, path: &Path, why: NotVolume) {
-        // It is counted in any case.
+        // The count is kept even if the name cannot be stored.
         let _ = self.left_out.add(why, path.to_path_buf());
     }
 }
 
-/// Does the name of a file say that it holds headerless voxels?
+/// True if the name of a file marks headerless voxels.
 fn is_headerless_by_name(path: &Path) -> bool {
     path.extension().is_some_and(|e| ["raw", "vol", "bin"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Do the voxels of a header file of the same stem lie in this file?
+/// True if the file holds the voxels of a header file of the same stem.
 fn is_detached_data(path: &Path) -> bool {
     let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
     ["raw", "zraw", "img", "gz", "bz2", "bin", "dat"].iter().any(|e| is(e))

@@ -19,13 +19,13 @@ pub(super) trait Visitor {
     /// An error ends the walk.
     fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result;
 
-    /// Is the folder something whole that must not be entered? Then it has been taken care of.
+    /// Returns true for a folder that is one item and must not be entered; the visitor has then dealt with it.
     ///
     /// # Errors
     /// An error ends the walk.
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool>;
 
-    /// The file by which a folder is a volume in chunks, which are not met one by one.
+    /// The file that makes a folder a volume in chunks; the chunks are not visited one by one.
     fn chunks(&self, input: u32, path: &Path) -> Option<PathBuf>;
 
     /// A volume that an input describes, without a file.
@@ -38,12 +38,11 @@ pub(super) trait Visitor {
     fn not_entered(&mut self, path: &Path, why: NotVolume);
 }
 
-/// Walks the inputs. Hidden entries are left out; links to files are followed, links to folders below an
-/// input are counted and not entered, unless `follow` says so: then all but those that lead back to where the walk
-/// came from.
+/// Walks the inputs. Hidden entries are left out; links to files are followed, links to folders below an input are
+/// counted and not entered, unless `follow` says so: then all but those that lead back to where the walk came from.
 ///
 /// # Errors
-/// [`SourceError`] for an input that is not there; what the visitor says.
+/// [`SourceError`] for a missing input, and the errors of the visitor.
 pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut dyn Visitor) -> Result {
     for (at, input) in inputs.iter().enumerate() {
         let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: input.clone(), cause });
@@ -75,16 +74,16 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
     Ok(())
 }
 
-/// The file by which a folder is a volume in chunks.
+/// The file that makes a folder a volume in chunks.
 fn chunks(input: u32, path: &Path, visitor: &dyn Visitor) -> Option<(PathBuf, Metadata)> {
     let head = visitor.chunks(input, path)?;
     let meta = fs::metadata(&head).ok()?;
     Some((below(path, head.file_name()?.as_ref()), meta))
 }
 
-/// Where a walk is.
+/// State of a walk.
 struct WalkState {
-    /// Are links to folders entered?
+    /// True if links to folders are entered.
     follow: bool,
     /// The folders from the input to here, which no link may lead to.
     entered: Vec<(u64, u64)>,
@@ -140,10 +139,10 @@ fn folder(
     Ok(())
 }
 
-/// Without inputs that repeat another, or lie below one that is searched anyway.
+/// The inputs without repetitions, and without those below another one that is searched anyway.
 ///
 /// # Errors
-/// [`SourceError`] for an input that is not there.
+/// [`SourceError`] for a missing input.
 pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let real = |input: &PathBuf| {
         let unreadable =
@@ -160,7 +159,7 @@ pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(inputs.iter().zip(alone).filter(|(_, alone)| *alone).map(|(input, _)| input.clone()).collect())
 }
 
-/// When a file was changed, as bits that differ when the time does.
+/// Time of change of a file, as bits that differ when the time does.
 pub(super) fn changed(meta: &Metadata) -> u64 {
     const NANOSECONDS: i64 = 1_000_000_000;
     let (seconds, nanoseconds) = platform::changed(meta);

@@ -7,13 +7,13 @@
 //!   octree --four slices at a time--> skin of a slice, in rows --> runs between skin voxels --> components
 //! ```
 //!
-//! | part | what it holds |
+//! | part | content |
 //! |---|---|
 //! | [`skin`] | the skin of a model, slice by slice |
 //! | [`rows`] | items of a slice, row by row |
-//! | [`sweep`] | components of what is not skin, followed from slice to slice |
+//! | [`sweep`] | components outside the skin, followed from slice to slice |
 //!
-//! "Voxel" means a box of the finest level, be it a voxel or a cell.
+//! "Voxel" means a box of the finest level, either a voxel or a cell.
 
 mod rows;
 mod skin;
@@ -29,34 +29,35 @@ use crate::format::normal;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Enclosed {
-    /// Inside the object.
+    /// Voxels inside the object.
     pub inside: u64,
-    /// In cavities.
+    /// Voxels in cavities.
     pub cavities: u64,
-    /// Either: the normals around contradict each other or are missing.
+    /// Undecided voxels: the normals around contradict each other or are missing.
     pub unknown: u64,
 }
 
-/// Where a part of the grid lies that is not skin.
+/// Side of a part of the grid that is not skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
     Outside,
     Inside,
 }
 
-/// Normals as parts along the axes of the grid.
+/// Normals as components along the axes of the grid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outward {
     scale: [f64; 3],
 }
 
 impl Outward {
-    /// Normals of cells are of index space, those of voxels of millimetres along the volume's axes.
+    /// Scales normals of cells, which are of index space, or of voxels, which are of millimetres along the volume's
+    /// axes.
     pub(crate) fn new(cells: bool, spacing_mm: [f64; 3]) -> Self {
         Self { scale: if cells { [1.0; 3] } else { spacing_mm } }
     }
 
-    /// The normal of a code in voxels, its components scaled to a sum of sizes of 1; zeros for none.
+    /// The normal of a code in voxels, scaled to a sum of absolute components of 1; zeros for none.
     pub(crate) fn of(&self, code: u16) -> [f64; 3] {
         let n = normal::decode_l1(code).map(f64::from);
         let n: [f64; 3] = std::array::from_fn(|a| n[a] * self.scale[a]);

@@ -24,12 +24,12 @@ impl<T> Rows<T> {
         self.ends.push(self.items.len());
     }
 
-    /// Is there no item in any row?
+    /// True if no row has an item.
     pub(crate) fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
 
-    /// Forgets all rows, and keeps the memory.
+    /// Removes all rows, and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.items.clear();
         self.ends.clear();
@@ -44,17 +44,17 @@ impl<T> Rows<T> {
         }
     }
 
-    /// All items, to be changed.
+    /// All items, mutable.
     pub(crate) fn items_mut(&mut self) -> &mut [T] {
         &mut self.items
     }
 
-    /// Where the row that is being filled begins.
+    /// Index of the first item of the row that is being filled.
     fn open_row(&self) -> usize {
         self.ends.last().copied().unwrap_or(0)
     }
 
-    /// The items of the row that was ended last, and those of the row that is being filled.
+    /// The items of the row that was ended last, and of the row that is being filled.
     pub(crate) fn last_and_open(&mut self) -> (&[T], &mut [T]) {
         let open = self.open_row();
         let start = self.ends.len().checked_sub(2).and_then(|before| self.ends.get(before)).copied();

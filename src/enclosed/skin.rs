@@ -1,6 +1,7 @@
 //! The skin of a model, slice by slice.
 //!
-//! A larger leaf (SPEC 4.9) comes as all the cells of its box, each with the part of the leaf's plane in it ([`PlanePart`]).
+//! A larger leaf (SPEC 4.9) is given as all cells of its box, each with the part of the leaf's plane in it
+//! ([`PlanePart`]).
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ use crate::format::cell::{Plane, PlanePart};
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
-/// Slices that are taken from the octree at a time: a power of two, from 2 on.
+/// Slices read from the octree at a time: a power of two, from 2 on.
 const SLAB: u32 = 4;
 
 /// A skin voxel of a slice; ordered by rows.
@@ -16,7 +17,7 @@ const SLAB: u32 = 4;
 pub(crate) struct SkinVoxel {
     pub(crate) y: u32,
     pub(crate) x: u32,
-    /// Its number; of a cell of a larger leaf none that there is.
+    /// Number of the voxel; of a cell of a larger leaf, a number that no voxel has.
     pub(crate) voxel: VoxelIndex,
     pub(crate) leaf: Option<LeafCell>,
 }
@@ -25,24 +26,25 @@ pub(crate) struct SkinVoxel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct LeafCell {
     pub(crate) code: u16,
-    /// Of the cell's coordinates: -127..127 where the plane passes through it, more where the cell lies behind it.
+    /// Offset in the cell's coordinates: -127..127 where the plane passes through the cell, more where the cell lies
+    /// behind the plane.
     pub(crate) offset: i16,
 }
 
 impl LeafCell {
-    /// Does the plane pass through the cell?
+    /// True if the plane passes through the cell.
     pub(crate) fn is_crossed(self) -> bool {
         (-127..127).contains(&self.offset)
     }
 
-    /// The same as a cell stores it: all of it inside at 127.
+    /// The offset as a cell stores it: 127 for a cell that is all inside.
     pub(crate) fn clamped(self) -> i8 {
         i8::try_from(self.offset.clamp(-127, 127)).unwrap_or(i8::MAX)
     }
 }
 
 impl SkinVoxel {
-    /// The code of its normal, if the model has normals.
+    /// The code of the voxel's normal, if the model has normals.
     pub(crate) fn code(&self, view: &ModelView<'_>) -> Option<u16> {
         match self.leaf {
             Some(leaf) => Some(leaf.code),
@@ -50,7 +52,7 @@ impl SkinVoxel {
         }
     }
 
-    /// Is it part of the surface, and no cell of a larger leaf that the plane misses?
+    /// True for a part of the surface: not a cell of a larger leaf that the plane misses.
     pub(crate) fn is_surface(&self) -> bool {
         self.leaf.is_none_or(LeafCell::is_crossed)
     }
@@ -69,7 +71,7 @@ impl SkinVoxel {
     }
 }
 
-/// A larger leaf in its place.
+/// A larger leaf and its position.
 struct Leaf {
     code: u16,
     plane: PlanePart,
@@ -80,12 +82,12 @@ struct Leaf {
 impl Leaf {
     fn of(view: &ModelView<'_>, node: NodeIndex, low: [u32; 3], level: u32) -> Self {
         let (code, offset) = view.leaf_items(node);
-        // A damaged model may have them anywhere.
+        // A damaged model may have leaves at any level.
         let edge = 1 << level.min(MAX_LEAF_LEVEL);
         Self { code, plane: PlanePart::of(Plane::new(code, offset)), low, edge }
     }
 
-    /// The plane in a cell, by its place in the box.
+    /// The plane in a cell, by the cell's position in the box.
     #[expect(clippy::cast_possible_truncation, reason = "at most 127 (2 x 32 - 1)")]
     fn cell(&self, at: [u32; 3]) -> LeafCell {
         LeafCell { code: self.code, offset: self.plane.cell(self.edge, at).offset() as i16 }
@@ -115,7 +117,7 @@ impl Leaf {
 /// Base-2 logarithm of the largest edge of a leaf.
 const MAX_LEAF_LEVEL: u32 = 5;
 
-/// First voxel along each axis, and the one after the last. Cost: the nodes of six sides, about.
+/// First voxel along each axis, and the one after the last. Cost: about the nodes of six sides.
 pub(crate) fn extent(view: &ModelView<'_>) -> Option<[[u32; 3]; 2]> {
     let (mut first, mut end) = ([0; 3], [0; 3]);
     for (axis, (first, end)) in first.iter_mut().zip(&mut end).enumerate() {
@@ -125,8 +127,8 @@ pub(crate) fn extent(view: &ModelView<'_>) -> Option<[[u32; 3]; 2]> {
     Some([first, end])
 }
 
-/// The least or greatest coordinate of a voxel along an axis. Visits the nodes of the side that is looked for
-/// first, and others only where these end before.
+/// The least or greatest coordinate of a voxel along an axis. Visits the nodes of the wanted side first, and others
+/// only where these end before.
 fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
     let mut best: Option<u32> = None;
     let mut waiting = vec![(BoxIndex::ROOT, [0_u32; 3], view.depth())];
@@ -155,7 +157,7 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
             return None;
         }
         for farther in [true, false] {
-            // The side that is looked for is put last, and taken first.
+            // The wanted side is pushed last, to be popped first.
             for octant in Octant::ALL {
                 let halves = octant.high();
                 if ((halves[axis] == 1) == high) != farther
@@ -174,28 +176,28 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
 /// voxel, and of one of them in rows.
 pub(crate) struct SkinSlices<'a> {
     view: &'a ModelView<'a>,
-    /// Each in the order of the file: in a row x rises.
+    /// Skin of each slice in the order of the file: x increases within a row.
     slices: [Vec<SkinVoxel>; SLAB as usize],
-    /// The slice that was asked for, ordered by rows.
+    /// The requested slice, ordered by rows.
     sorted: Vec<SkinVoxel>,
-    /// Where the next voxel of each row goes.
+    /// Position of the next voxel of each row.
     rows: Vec<usize>,
     slab: Option<u32>,
     seen: u64,
-    /// Columns and rows within which cells of larger leaves are given.
+    /// Columns and rows to which cells of larger leaves are limited.
     bounds: [Range<u32>; 2],
 }
 
 impl<'a> SkinSlices<'a> {
-    /// `low` and `end` as [`extent`] has them.
+    /// Slices of the box from `low` to `end`, in the form of [`extent`].
     pub(crate) fn new(view: &'a ModelView<'a>, [low, end]: [[u32; 3]; 2]) -> Self {
         let slices = std::array::from_fn(|_| Vec::new());
         let bounds = [low[0]..end[0], low[1]..end[1]];
         Self { view, slices, sorted: Vec::new(), rows: Vec::new(), slab: None, seen: 0, bounds }
     }
 
-    /// The skin of slice `z`, ordered by rows. Slices are asked for in order; `None` for a damaged model, which has
-    /// more boxes than it says.
+    /// The skin of slice `z`, ordered by rows. Slices must be requested in order; `None` for a damaged model, which has
+    /// more boxes than it states.
     pub(crate) fn slice(&mut self, z: u32) -> Option<&[SkinVoxel]> {
         let first = z / SLAB * SLAB;
         if self.slab != Some(first) {
@@ -238,7 +240,7 @@ impl<'a> SkinSlices<'a> {
         }
         let half = 1_u32 << (level - 1);
         if level == 2 && !self.view.has_leaves() {
-            // The voxels of a node follow those of the node before it.
+            // The voxels of a node follow the voxels of the node before it.
             let mut voxel = self.view.first_child(child.node());
             for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
                 let high = octant.high();
@@ -260,7 +262,7 @@ impl<'a> SkinSlices<'a> {
         Some(())
     }
 
-    /// The cells of a larger leaf in these slices.
+    /// Adds the cells of a larger leaf in these slices.
     fn leaf(&mut self, leaf: &Leaf, slab: Range<u32>) -> Option<()> {
         let [left, front, low] = leaf.low;
         let [x, y] = [(left, &self.bounds[0]), (front, &self.bounds[1])]
@@ -279,7 +281,7 @@ impl<'a> SkinSlices<'a> {
         Some(())
     }
 
-    /// The voxels of a node whose children they are; all of them lie in the slab.
+    /// Adds the voxels of a node at the lowest level of nodes; all of them lie in the slab.
     #[inline]
     fn voxels(&mut self, infobyte: u8, voxel: VoxelIndex, low: [u32; 3], first: u32) -> Option<()> {
         let [below, above] =
@@ -303,7 +305,7 @@ impl<'a> SkinSlices<'a> {
     }
 }
 
-/// Orders a slice by rows; within a row the order stays.
+/// Orders a slice by rows; the order within a row is kept.
 fn in_rows(skin: &[SkinVoxel], rows: &mut Vec<usize>, sorted: &mut Vec<SkinVoxel>) {
     sorted.clear();
     let Some(first) = skin.iter().map(|found| found.y).min() else { return };

@@ -1,13 +1,13 @@
-//! Components of what is not skin, followed from slice to slice.
+//! Components outside the skin, followed from slice to slice.
 //!
 //! Memory: two slices of runs, and the components that reach the last of them. A sweep that keeps the fates of all
-//! components, for a second one that needs them, takes 5 bytes more for each that ever was.
+//! components, for a second one that needs them, takes 5 bytes more for each component that ever existed.
 
 use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
 use crate::load::ModelView;
 
-/// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
-/// towards it against that of the sizes of these. Around a cavity in a wall one voxel thick they cancel.
+/// Agreement of the normals around a component from which it is deep inside, or outside: the sum of their components
+/// towards it over the sum of the absolute ones. Around a cavity in a wall one voxel thick they cancel.
 const AGREE: f64 = 0.3;
 
 /// Voxels between two skin voxels of a row, or between one and the border: from `start` up to `end`.
@@ -22,7 +22,7 @@ pub(crate) struct Run {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinItem {
     pub(crate) x: u32,
-    /// Its normal in voxels; zeros for none.
+    /// Normal in voxels; zeros for none.
     outward: [f32; 3],
 }
 
@@ -33,21 +33,21 @@ pub(crate) struct Slice {
     pub(crate) runs: Rows<Run>,
 }
 
-/// Connected voxels that are not skin.
+/// A connected component of voxels that are not skin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Component {
-    /// The component that it was joined with, or itself.
+    /// Component that it was joined with, or itself.
     parent: u32,
-    /// Its name for the whole sweep, once a slice is done.
+    /// Name for the whole sweep, once a slice is done.
     name: Option<u32>,
     outer: bool,
     voxels: u64,
-    /// Sum of the parts of the normals around it towards it, and of the sizes of these.
+    /// Sum of the components of the normals around it towards it, and the sum of their absolute values.
     toward: f64,
     size: f64,
 }
 
-/// The fate of every component of a sweep: which it is joined with later, and where it lies.
+/// Fate of every component of a sweep: the component that it is joined with later, and its side.
 #[derive(Debug, Default)]
 pub(crate) struct Fates {
     parents: Vec<u32>,
@@ -77,10 +77,10 @@ impl Fates {
         }
     }
 
-    /// Every name's own side, so that nothing has to be looked for later.
+    /// Resolves every name's side, so that no chain of parents is followed later.
     fn flatten(&mut self) {
         for name in 0..self.parents.len() {
-            // Parents are smaller, and were done before.
+            // Parents are smaller, so they are resolved already.
             let parent = self.parents[name] as usize;
             self.sides[name] = self.sides.get(parent).copied().flatten();
         }
@@ -88,18 +88,18 @@ impl Fates {
     }
 }
 
-/// How a sweep uses fates.
+/// Use of fates by a sweep.
 #[derive(Debug)]
 enum History {
-    /// Not at all.
+    /// No fates.
     Forgotten,
-    /// It writes them.
+    /// Fates to be written.
     Kept(Fates),
-    /// It reads those of a sweep before.
+    /// Fates of an earlier sweep, to be read.
     Known(Fates),
 }
 
-/// Follows the components from slice to slice; of those that end, only the numbers of voxels stay.
+/// Follows the components from slice to slice; components that end only leave their numbers of voxels.
 pub(crate) struct Sweep {
     low: [u32; 2],
     width: u32,
@@ -130,17 +130,17 @@ impl Sweep {
         }
     }
 
-    /// The same, keeping what becomes of every component.
+    /// The sweep, keeping the fate of every component.
     pub(crate) fn keeping_fates(self) -> Self {
         Self { history: History::Kept(Fates::default()), ..self }
     }
 
-    /// The same, knowing what becomes of every component.
+    /// The sweep, with the fate of every component known.
     pub(crate) fn knowing(self, fates: Fates) -> Self {
         Self { history: History::Known(fates), ..self }
     }
 
-    /// Where a run lies, if the fates are known.
+    /// Side of a run, if the fates are known.
     pub(crate) fn side(&self, run: Run) -> Side {
         let History::Known(fates) = &self.history else { return Side::Outside };
         let name = self.components.get(run.component as usize).and_then(|component| component.name);
@@ -148,17 +148,17 @@ impl Sweep {
         side.unwrap_or(Side::Outside)
     }
 
-    /// The slice that was taken last.
+    /// The latest slice.
     pub(crate) fn last(&self) -> &Slice {
         &self.before
     }
 
-    /// Has the slice that was taken last no skin? Then all of it is outside.
+    /// True if the latest slice has no skin: then all of it is outside.
     fn is_void(&self) -> bool {
         self.before.skin.is_empty()
     }
 
-    /// Takes the next slice, its skin in rows. One without skin behind another costs nothing.
+    /// Takes the next slice, its skin in rows. An empty one behind another costs nothing.
     pub(crate) fn slice(&mut self, view: &ModelView<'_>, skin: &[SkinVoxel]) {
         if skin.is_empty() && self.begun && self.is_void() {
             return;
@@ -172,7 +172,7 @@ impl Sweep {
             {
                 let x = found.x.wrapping_sub(self.low[0]).wrapping_add(1);
                 if x < start || x >= self.width {
-                    // No such voxel was there when the model was measured: its file is being overwritten.
+                    // The voxel did not exist when the model was measured: its file is being overwritten.
                     continue;
                 }
                 if x > start {
@@ -197,7 +197,7 @@ impl Sweep {
         self.begun = true;
     }
 
-    /// Gives the runs of the row that was just filled their components: those that they touch.
+    /// Connects the runs of the row that was just filled to the components that they touch.
     fn connect(&mut self, slice: &mut Slice, row: usize) {
         let (above, new) = slice.runs.last_and_open();
         let behind = self.before.runs.row(row);
@@ -228,7 +228,7 @@ impl Sweep {
         }
     }
 
-    /// Adds the parts of normals towards the runs next to them.
+    /// Adds the normals' components towards the runs next to them.
     fn vote(&mut self, slice: &Slice) {
         for row in 0..self.height {
             let (skin, runs) = (slice.skin.row(row), slice.runs.row(row));
@@ -254,7 +254,7 @@ impl Sweep {
         }
     }
 
-    /// Numbers the components of the slice anew and counts those that do not reach it.
+    /// Renumbers the components of the slice, and counts those that do not reach it.
     fn settle(&mut self, slice: &mut Slice) {
         let mut numbers = vec![u32::MAX; self.components.len()];
         let mut kept: Vec<Component> = Vec::new();
@@ -316,7 +316,7 @@ impl Enclosed {
             Side::Inside
         } else {
             self.unknown += voxels;
-            // The better guess; without normals, what is enclosed is taken as full.
+            // The better guess; without normals, enclosed components are taken as full.
             if toward > 0.0 { Side::Outside } else { Side::Inside }
         };
         if let (History::Kept(fates), Some(name)) = (history, component.name) {

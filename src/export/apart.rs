@@ -1,11 +1,11 @@
-//! Triangles in memory, made on a thread of their own while the caller's finds the samples of the next slices.
+//! Triangles in memory, made on a thread of their own while the caller's thread finds the samples of the next slices.
 //!
 //! ```text
 //! caller: skin, where all else lies, samples inside --Slice--> other thread: vertices, polygons
 //!                                                   <--spare--
 //! ```
 //!
-//! The mesh is that of one thread, byte for byte. Memory: up to four more slices.
+//! The mesh is the same as from one thread, byte for byte. Memory: up to four more slices.
 
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
@@ -20,16 +20,16 @@ use crate::enclosed::Rows;
 use crate::load::{ModelView, NodeView};
 use crate::render::GridSpace;
 
-/// Slices that wait.
+/// Slices in the queue.
 const WAITING: usize = 2;
 
-/// A slice of samples, and the skin that belongs to it: voxels of the slice itself, cells of the layer below it.
+/// A slice of samples, and its skin: voxels of the slice itself, or cells of the layer below it.
 struct Slice {
     items: Rows<Item>,
     samples: Bits,
 }
 
-/// Where slices go.
+/// Sender of slices.
 pub(super) struct Slices {
     extent: Extent,
     to: SyncSender<Slice>,
@@ -37,7 +37,7 @@ pub(super) struct Slices {
 }
 
 impl Slices {
-    /// Takes a slice away, and leaves an old one, which may hold anything. Slices behind an error are dropped.
+    /// Sends a slice, and leaves a used one, with any content, in its place. Slices after an error are dropped.
     pub(super) fn send(&self, items: &mut Rows<Item>, samples: &mut Bits) {
         let empty = || {
             let samples = Bits::new(self.extent.width, self.extent.height);
@@ -46,12 +46,12 @@ impl Slices {
         let mut slice = self.spares.try_recv().unwrap_or_else(|_| empty());
         std::mem::swap(&mut slice.items, items);
         std::mem::swap(&mut slice.samples, samples);
-        // The other thread says why it has ended.
+        // The other thread returns the reason for its end.
         let _ = self.to.send(slice);
     }
 }
 
-/// What vertices are made of.
+/// Sources of vertices.
 #[derive(Clone, Copy)]
 pub(super) struct Ground<'a> {
     pub(super) view: &'a ModelView<'a>,
@@ -60,10 +60,10 @@ pub(super) struct Ground<'a> {
 }
 
 impl Ground<'_> {
-    /// Makes triangles of the slices that `sweep` sends, which gets none any more where it returns an error or nothing.
+    /// Makes triangles of the slices that `sweep` sends; returns none if `sweep` fails or returns `None`.
     ///
     /// # Errors
-    /// That of `sweep`; then what [`Mesher::layer`] says, or the thread does not start.
+    /// The error of `sweep`; then errors of [`Mesher::layer`], or the thread does not start.
     pub(super) fn mesh<E: From<io::Error>>(
         self,
         mesher: Mesher<'_>,

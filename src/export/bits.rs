@@ -1,6 +1,6 @@
 //! Slices of bits, row by row, 64 to a word.
 
-/// A bit for each place of a slice. Behind a row there is room for one more, which stays 0.
+/// A bit for each place of a slice. Each row has one spare bit at its end, which stays 0.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bits {
     words: Vec<u64>,
@@ -9,7 +9,7 @@ pub(super) struct Bits {
 }
 
 impl Bits {
-    /// All 0.
+    /// Bits that are all 0.
     pub(super) fn new(width: u32, height: usize) -> Self {
         let stride = width as usize / 64 + 1;
         Self { words: vec![0; stride * height], stride }
@@ -23,7 +23,7 @@ impl Bits {
         self.words.fill(word);
     }
 
-    /// The words of a row; empty behind the last row.
+    /// The words of a row; empty beyond the last row.
     #[inline(always)]
     pub(super) fn row(&self, row: usize) -> &[u64] {
         let start = row.saturating_mul(self.stride);
@@ -35,18 +35,18 @@ impl Bits {
         self.words.get_mut(row * self.stride..(row + 1) * self.stride).unwrap_or_default()
     }
 
-    /// The words of a row and the next.
+    /// The words of a row and the next one.
     #[inline(always)]
     pub(super) fn two_rows_mut(&mut self, row: usize) -> &mut [u64] {
         self.words.get_mut(row * self.stride..(row + 2) * self.stride).unwrap_or_default()
     }
 
-    /// Is there no 1?
+    /// True if all bits are 0.
     pub(super) fn is_empty(&self) -> bool {
         self.words.iter().all(|word| *word == 0)
     }
 
-    /// The stretches of ones in a row: the first of each, and the one behind its last.
+    /// The runs of ones in a row: the first place of each, and the one after its last.
     pub(super) fn stretches(&self, row: usize) -> impl Iterator<Item = [u32; 2]> {
         let words = self.row(row);
         let mut at = 0;
@@ -91,7 +91,7 @@ pub(super) fn set(row: &mut [u64], start: u32, end: u32) {
     }
 }
 
-/// Is a bit set from `start` up to `end` of a row?
+/// True if a bit is set from `start` up to `end` of a row.
 pub(super) fn any(row: &[u64], start: u32, end: u32) -> bool {
     next(row, start, 0).is_some_and(|at| at < end)
 }

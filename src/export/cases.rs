@@ -1,10 +1,10 @@
-//! The 256 ways in which eight samples lie inside or outside, and the surface's patches in a cube between them.
+//! The 256 cases of eight samples inside or outside, and the surface's patches in a cube between them.
 //!
-//! A corner of a cube has bit 0, 1, 2 set where it is the high one along x, y, z; a case has bit i set where corner i
-//! is inside. Edge `4 a + i` runs along axis a; bit 0 and 1 of i say whether it is the high one along the two
-//! other axes, the lower of these first. Where a face has inside corners on a diagonal only, they are kept apart:
-//! the inside is connected through faces of voxels, as at marching cubes with one rule for all faces (Montani,
-//! Scateni, Scopigno 1994), so that the patches of neighbouring cubes fit together.
+//! A corner of a cube has bit 0, 1, 2 set for the high side along x, y, z; a case has bit i set if corner i is inside.
+//! Edge `4 a + i` runs along axis a; bit 0 and 1 of i are set for the high side along the two other axes, the lower of
+//! these first. Where a face has inside corners on a diagonal only, they are kept apart: the inside is connected
+//! through faces of voxels, as in marching cubes with one rule for all faces (Montani, Scateni, Scopigno 1994), so that
+//! the patches of neighbouring cubes fit together.
 #![expect(clippy::cast_possible_truncation, reason = "256 cases of 12 edges")]
 
 /// No patch passes through this edge.
@@ -16,7 +16,7 @@ const MAX_PATCHES: usize = 4;
 /// Edges of a cube.
 pub(super) const EDGES: usize = 12;
 
-/// The surface within a cube: which patch crosses each edge.
+/// The surface within a cube: the patch that crosses each edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Case {
     pub(super) patch_of: [u8; EDGES],
@@ -61,7 +61,7 @@ pub(super) const fn is_inside(case: u8, corner: usize) -> bool {
     case >> corner & 1 == 1
 }
 
-/// Does the surface cross an edge?
+/// True if the surface crosses the edge.
 pub(super) const fn is_crossed(case: u8, edge: usize) -> bool {
     let [low, high] = ends(edge);
     is_inside(case, low) != is_inside(case, high)
@@ -74,7 +74,7 @@ pub(super) const fn face(axis: usize, side: usize) -> [usize; 4] {
     [first, first | 1 << b, first | 1 << c, first | 1 << b | 1 << c]
 }
 
-/// Does a face have inside corners on one diagonal, and outside corners on the other?
+/// True for a face with inside corners on one diagonal, and outside corners on the other.
 pub(super) const fn is_ambiguous(case: u8, axis: usize, side: usize) -> bool {
     let [p, q, r, s] = face(axis, side);
     is_inside(case, p) == is_inside(case, s)
@@ -94,7 +94,7 @@ pub(super) const fn all() -> [Case; 256] {
     cases
 }
 
-/// Edges that the surface joins within a face are of one patch.
+/// Patches of a case: edges that the surface joins within a face belong to the same patch.
 const fn patches(case: u8) -> Case {
     let mut patch_of = [NO_PATCH; EDGES];
     let mut edge = 0;
@@ -110,7 +110,8 @@ const fn patches(case: u8) -> Case {
         let corners = face(axis, side);
         let [b, c] = others(axis);
         let ambiguous = is_ambiguous(case, axis, side);
-        // In each inside corner of an ambiguous face two crossed edges meet that are joined; else all there are.
+        // Each inside corner of an ambiguous face joins the two crossed edges that meet in it; other faces join all
+        // their crossed edges.
         let mut at = 0;
         while at < 4 {
             let corner = corners[at];
@@ -119,7 +120,7 @@ const fn patches(case: u8) -> Case {
                     patch_of = joined(patch_of, edge_at(corner, b), edge_at(corner, c));
                 }
             } else {
-                // The edges of the face: along b and c at this corner, and those at the opposite one.
+                // The edges of the face: along b and c at this corner, and at the opposite one.
                 let opposite = corner ^ (1 << b) ^ (1 << c);
                 patch_of = joined(patch_of, edge_at(corner, b), edge_at(corner, c));
                 patch_of = joined(patch_of, edge_at(corner, b), edge_at(opposite, b));
@@ -132,7 +133,7 @@ const fn patches(case: u8) -> Case {
     numbered(patch_of)
 }
 
-/// Two crossed edges become one patch; others stay as they are.
+/// Merges two crossed edges into one patch; other edges are ignored.
 pub(super) const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8; EDGES] {
     let (from, to) = (patch_of[a], patch_of[b]);
     if from == NO_PATCH || to == NO_PATCH {
@@ -148,7 +149,7 @@ pub(super) const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8
     patch_of
 }
 
-/// Patches by numbers from 0 on, in the order of their first edges.
+/// Numbers patches from 0 on, in the order of their first edges.
 pub(super) const fn numbered(names: [u8; EDGES]) -> Case {
     let mut patch_of = [NO_PATCH; EDGES];
     let mut patches = 0;
@@ -175,11 +176,11 @@ pub(super) struct Crossed {
     pub(super) count: u8,
     /// Edges along each axis: bit i for edge `4 a + i`.
     pub(super) along: [u8; 3],
-    /// Sum of their low ends, from the cube's middle, in halves of an edge.
+    /// Sum of the low ends of the edges, from the cube's middle, in halves of an edge.
     pub(super) ends: [i8; 3],
 }
 
-/// Those of the patches of every case.
+/// Crossed edges of the patches of every case.
 pub(super) static CROSSED: [[Crossed; MAX_PATCHES]; 256] = all_crossed();
 
 const fn all_crossed() -> [[Crossed; MAX_PATCHES]; 256] {
@@ -245,7 +246,7 @@ mod tests {
         assert_eq!(CASES[0].patches, 0);
         assert_eq!(CASES[255].patches, 0);
         assert_eq!(CASES[1].patches, 1);
-        // Two corners on the diagonal of a face, and on that of the cube, are apart.
+        // Two corners on the diagonal of a face, or of the cube, are apart.
         assert_eq!(CASES[0b0000_1001].patches, 2);
         assert_eq!(CASES[0b1000_0001].patches, 2);
         // Every second corner.

@@ -1,15 +1,16 @@
 //! The surface between the samples as triangles: a vertex for each patch of a cube, a polygon around each edge
 //! that changes sides.
 //!
-//! The dual of marching cubes (Nielson 2004): every polygon joins the patches of the four cubes around an edge. It
-//! closes, since these exist wherever the edge changes sides. Two cubes that meet in a face with inside corners on a
+//! The dual of marching cubes (Nielson 2004): every polygon joins the patches of the four cubes around an edge. It is
+//! closed, since these exist wherever the edge changes sides. Two cubes that meet in a face with inside corners on a
 //! diagonal may be joined by the same two vertices twice; then a knot in the face keeps the two joints apart, so that
 //! every edge has two triangles for any samples (Wenger 2013, section 3.3, names the case).
 //!
-//! A sample's side is kept exactly: a polygon stays between the two ends of its edge, and its corners lie
-//! around that edge, so that a line through samples crosses the surface just where they change sides.
+//! A sample's side is kept exactly: a polygon stays between the two ends of its edge, and its corners lie around that
+//! edge, so that a line through samples crosses the surface just where they change sides.
 //!
-//! Memory: two layers of cubes, and their vertices, or those of the whole mesh if that is kept. Cost: follows the surface.
+//! Memory: two layers of cubes, and their vertices, or all vertices if the mesh is kept. Cost: in proportion to the
+//! surface.
 
 use std::collections::HashMap;
 use std::io;
@@ -45,25 +46,25 @@ impl Cube {
 /// A face with two joints: the axis across it, and the cube below it.
 type Face = (usize, u32, u32, u32);
 
-/// Triangles that wait before they are written.
+/// Triangles buffered before they are written.
 const WAITING: usize = 1 << 12;
 
-/// Vertices and triangles, all or the last ones.
+/// Vertices and triangles: all of them, or those of the last layers.
 #[derive(Debug, Default)]
 pub(super) struct Surface {
     pub(super) at: Vec<[f32; 3]>,
-    /// Of length 1, or zeros; if the model has normals.
+    /// Unit vectors, or zeros; empty for a model without normals.
     pub(super) normals: Vec<[f32; 3]>,
-    /// If the model has colours.
+    /// Colours; empty for a model without them.
     pub(super) lights: Vec<Light>,
     pub(super) faces: Vec<[u32; 3]>,
 }
 
 /// Makes triangles of one layer of cubes after the other.
 pub(super) struct Mesher<'a> {
-    /// Middle of a cube, in its numbers, to mm.
+    /// Maps the middle of a cube, by its numbers, to mm.
     to_mm: Affine,
-    /// Where all goes, unless it is kept.
+    /// Destination, unless the mesh is kept.
     sink: Option<&'a mut dyn Sink>,
     has: [bool; 2],
     below: Rows<Cube>,
@@ -71,7 +72,7 @@ pub(super) struct Mesher<'a> {
     near: Near<Cube>,
     knots: HashMap<Face, [Option<u32>; 2]>,
     surface: Surface,
-    /// Number of the first vertex that is kept, of the first that is not written, and of the first of this layer.
+    /// Number of the first vertex in memory, of the first one not yet written, and of the first one of this layer.
     start: u32,
     unwritten: u32,
     layer_start: u32,
@@ -80,7 +81,7 @@ pub(super) struct Mesher<'a> {
 }
 
 impl<'a> Mesher<'a> {
-    /// `has`: normals, and colours. Without a sink the surface is kept.
+    /// `has` is set for normals, and for colours. Without a sink the surface is kept.
     pub(super) fn new(to_mm: Affine, has: [bool; 2], sink: Option<&'a mut dyn Sink>) -> Self {
         Self {
             mirrored: to_mm.determinant() < 0.0,
@@ -99,7 +100,7 @@ impl<'a> Mesher<'a> {
         }
     }
 
-    /// The same, with room for the patches of so many boxes: some have several.
+    /// The mesher with room for the patches of so many boxes: some have several.
     pub(super) fn with_room(mut self, boxes: usize) -> Self {
         let vertices = boxes.saturating_add(boxes / 4);
         let Surface { at, normals, lights, faces } = &mut self.surface;
@@ -115,21 +116,21 @@ impl<'a> Mesher<'a> {
         (u64::from(self.next_vertex()), self.triangles + self.surface.faces.len() as u64)
     }
 
-    /// What was kept.
+    /// The surface that was kept.
     pub(super) fn finish(self) -> Surface {
         self.surface
     }
 
     #[inline(always)]
     fn next_vertex(&self) -> u32 {
-        // Bounded by `push`.
+        // Limited by `push`.
         self.start + u32::try_from(self.surface.at.len()).unwrap_or(u32::MAX)
     }
 
     /// Takes the cubes between two slices of samples; `z` is the number of the upper slice.
     ///
     /// # Errors
-    /// The sink's, and [`ExportFault::TooLong`].
+    /// Errors of the sink, and [`ExportFault::TooLong`].
     pub(super) fn layer(
         &mut self,
         samples: [&Bits; 2],
@@ -160,8 +161,8 @@ impl<'a> Mesher<'a> {
         dispatch(LayerOf { mesher: self, samples, spots, height, z })
     }
 
-    /// Makes the vertices of a row of cubes, which lie between four rows of samples; bit 0 and 1 of their number say
-    /// which lies higher along y and z.
+    /// Makes the vertices of a row of cubes between four rows of samples; bit 0 and 1 of a row's number are set for the
+    /// higher one along y and z.
     #[inline(always)]
     fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, spots: &mut impl Spots) -> io::Result<()> {
         let mut before = [0; 4];
@@ -170,7 +171,7 @@ impl<'a> Mesher<'a> {
             let (mut some, mut all) = (0, u64::MAX);
             for j in 0..4 {
                 high[j] = rows[j][word];
-                // The sample before each.
+                // The sample before each one.
                 low[j] = high[j] << 1 | before[j] >> 63;
                 some |= high[j] | low[j];
                 all &= high[j] & low[j];
@@ -234,7 +235,7 @@ impl<'a> Mesher<'a> {
         }
     }
 
-    /// Hands on what is not written yet.
+    /// Passes pending vertices and triangles to the sink.
     fn write(&mut self) -> io::Result<()> {
         let Some(sink) = self.sink.take() else { return Ok(()) };
         for number in self.unwritten..self.next_vertex() {
@@ -250,7 +251,7 @@ impl<'a> Mesher<'a> {
         Ok(())
     }
 
-    /// Makes the polygons whose last cube lies in this layer.
+    /// Makes the polygons whose last cube is in this layer.
     #[inline(always)]
     fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
         self.near.widen(width);
@@ -258,7 +259,7 @@ impl<'a> Mesher<'a> {
             self.near.take([self.here.row(row), self.below.row(row)], |cube| cube.x);
             for at in 0..self.here.row(row).len() {
                 let cube = self.here.row(row)[at];
-                // Corner 0 against those along the axes.
+                // Corner 0 is compared with its neighbours along the axes.
                 let turned = cube.case ^ (cube.case & 1).wrapping_neg();
                 let (x, at) = (cube.x as usize, [cube.x, row_number(row), z]);
                 if turned >> 1 & 1 == 1 {
@@ -282,10 +283,10 @@ impl<'a> Mesher<'a> {
     #[inline(always)]
     fn polygon<const AXIS: usize>(&mut self, x: usize, at: [u32; 3]) -> io::Result<()> {
         let [b, c] = others(AXIS);
-        // The samples around the edge say that its four cubes are crossed.
+        // The samples at the ends of the edge differ, so its four cubes are crossed.
         let [p, q, r, s] = self.near.around(x, AXIS);
         let reversed = (r.case & 1 == 0) ^ (AXIS == 1) ^ self.mirrored;
-        // The faces between two of them, each the high face of the lower one.
+        // The faces between two of the cubes, each the high face of the lower one.
         let high = |cube: Cube| AMBIGUOUS_HIGH[usize::from(cube.case)];
         if ((high(p) | high(s)) >> b | (high(p) | high(q)) >> c) & 1 == 1 {
             let edge = 4 * AXIS;
@@ -293,7 +294,7 @@ impl<'a> Mesher<'a> {
                 [(1 << b | 1 << c, p, edge + 3), (1 << c, q, edge + 2), (0, r, edge), (1 << b, s, edge + 1)];
             return self.knotted(AXIS, cubes, at, reversed);
         }
-        // Without ambiguous faces between them, no two are joined twice.
+        // Without ambiguous faces between them, no two cubes are joined twice.
         let edge = 4 * AXIS;
         let corners = [p.vertex(edge + 3), q.vertex(edge + 2), r.vertex(edge), s.vertex(edge + 1)];
         self.quad(corners, reversed);
@@ -363,7 +364,7 @@ impl<'a> Mesher<'a> {
         other: (usize, Cube, usize),
         [x, row, z]: [u32; 3],
     ) -> io::Result<Option<u32>> {
-        // The axis along which they differ; the one that is one less lies below.
+        // The axis along which they differ; the cube with the lower coordinate is below.
         let across = ((one.0 ^ other.0).trailing_zeros() as usize).min(2);
         let (low, high) = if one.0 >> across & 1 == 1 { (one, other) } else { (other, one) };
         if AMBIGUOUS_HIGH[usize::from(low.1.case)] >> across & 1 == 0 {
@@ -396,8 +397,8 @@ impl<'a> Mesher<'a> {
     }
 }
 
-/// The cubes of the last two rows of two layers by their places, the last row of the upper layer first: bit 0 and 1 of a
-/// row's number are set where it is one less along y and z.
+/// The cubes of the last two rows of two layers by their places, the last row of the upper layer first: bit 0 and 1 of
+/// a row's number are set for one less along y and z.
 #[derive(Debug, Default)]
 pub(super) struct Near<C>([Vec<C>; 4]);
 
@@ -419,18 +420,18 @@ impl<C: Copy + Default> Near<C> {
         }
     }
 
-    /// The four cubes around the edge along an axis in the lowest corner of the cube at `x` of the last row, in their order
-    /// around it: one less along both other axes, along the second, along none, along the first.
+    /// The four cubes around the edge along an axis in the lowest corner of the cube at `x` of the last row, in their
+    /// order around it: one less along both other axes, along the second, along neither, along the first.
     #[inline(always)]
     pub(super) fn around(&self, x: usize, axis: usize) -> [C; 4] {
         let [b, c] = others(axis);
-        // Bit 0, 1, 2 say whether a cube is one less along x, y, z.
+        // Bit 0, 1, 2 are set if a cube is one less along x, y, z.
         let cube = |less: usize| self.0[less >> 1][x - (less & 1)];
         [cube(1 << b | 1 << c), cube(1 << c), cube(0), cube(1 << b)]
     }
 }
 
-/// A place within a cube, from its middle, in mm.
+/// A point within a cube, relative to its middle, in mm.
 #[inline(always)]
 pub(super) fn placed(to_mm: &Affine, cube: [u32; 3], within: [f64; 3]) -> [f32; 3] {
     let [x, y, z] = cube;
@@ -440,7 +441,7 @@ pub(super) fn placed(to_mm: &Affine, cube: [u32; 3], within: [f64; 3]) -> [f32; 
     singles([along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)])
 }
 
-/// The square of the distance of two places.
+/// The squared distance of two points.
 #[inline(always)]
 pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -453,12 +454,12 @@ fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
     row[0] * at[0] + row[1] * at[1] + row[2] * at[2] + row[3]
 }
 
-/// Rows of a slice are at most 65537.
+/// Number of a row; a slice has at most 65537.
 fn row_number(row: usize) -> u32 {
     u32::try_from(row).unwrap_or(u32::MAX)
 }
 
-/// The work on one layer.
+/// Work on one layer.
 struct LayerOf<'m, 'a, 's, S> {
     mesher: &'m mut Mesher<'a>,
     samples: [&'s Bits; 2],
@@ -495,7 +496,7 @@ mod tests {
     use super::*;
     use crate::export::bits::set;
 
-    /// Takes down the cubes that are asked for.
+    /// Records the requested cubes.
     struct Asked(Vec<(u32, u8)>);
 
     impl Spots for Asked {

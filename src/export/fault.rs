@@ -1,4 +1,4 @@
-//! Why a format cannot hold a model, as a value with its sentence.
+//! Reasons why a format cannot hold a model, as a value with its sentence.
 
 #![expect(missing_docs, reason = "the sentence of each variant says it")]
 
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::text::names::{LEVELS, STRIP};
 
-/// Why a format cannot hold a model.
+/// Reason why a format cannot hold a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ExportFault {
     #[error(

@@ -21,7 +21,7 @@ pub(super) enum MaskForm {
     Nrrd,
     /// A header of 352 bytes, then samples.
     Nifti,
-    /// The same, gzipped altogether.
+    /// The same, gzipped as a whole.
     NiftiGz,
 }
 
@@ -62,7 +62,7 @@ pub(super) struct Mask {
 }
 
 impl Mask {
-    /// Begins a mask of `dims` voxels, or a map of labels; `affine` leads from indices to LPS mm.
+    /// Begins a mask of `dims` voxels, or a map of labels; `affine` maps indices to LPS mm.
     pub(super) fn new(
         out: File,
         form: MaskForm,
@@ -101,7 +101,7 @@ impl Mask {
         self.inside
     }
 
-    /// Slices up to `end` without a voxel.
+    /// Writes empty slices up to `end`.
     pub(super) fn empty_until(&mut self, end: u32) -> io::Result<()> {
         self.row.fill(0);
         for _ in self.slices..end.min(self.dims.nz()) {
@@ -111,7 +111,8 @@ impl Mask {
         Ok(())
     }
 
-    /// The next slice; `low` is the voxel at the first sample of the first row, which may lie before the volume.
+    /// Writes the next slice; `low` is the voxel at the first sample of the first row, which may lie outside the
+    /// volume.
     pub(super) fn slice(&mut self, samples: &Bits, low: [i64; 2]) -> io::Result<()> {
         if self.slices >= self.dims.nz() {
             return Ok(());
@@ -133,7 +134,7 @@ impl Mask {
         Ok(())
     }
 
-    /// The next slice of labels; `fill` puts those of a row into a row of zeros.
+    /// Writes the next slice of labels; `fill` puts the labels of a row into a row of zeros.
     pub(super) fn label_slice(&mut self, fill: impl Fn(u32, &mut [u16])) -> io::Result<()> {
         let Some(labels) = &mut self.labels else { return Ok(()) };
         if self.slices >= self.dims.nz() {
@@ -174,7 +175,7 @@ fn nrrd(dims: Dims, affine: &Affine, labelled: bool) -> String {
     )
 }
 
-/// The header of NIfTI-1, whose axes run to the right, the front and the head.
+/// The header of NIfTI-1, with axes to the right, the front and the head.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "sides are checked before; the header holds 32-bit floats"
@@ -190,7 +191,7 @@ fn nifti(dims: Dims, affine: &Affine, labelled: bool) -> Vec<u8> {
     let sides = dims.to_array().map(|n| n.min(NIFTI_MOST) as i16);
     let dim = [3, sides[0], sides[1], sides[2], 1, 1, 1, 1];
     dim.iter().enumerate().for_each(|(i, n)| put(40 + 2 * i, &n.to_le_bytes()));
-    // Unsigned, of one byte or two.
+    // Codes of unsigned samples of two bytes or one.
     let (code, bits) = if labelled { (512_i16, 16_i16) } else { (2, 8) };
     put(70, &code.to_le_bytes());
     put(72, &bits.to_le_bytes());

@@ -21,9 +21,10 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Makes at most so many triangles, closed as before, by collapsing edges (quadric error metrics, Garland and Heckbert
-    /// 1997); corners that stay move, and keep their normals and colours. Returns the greatest distance in mm between both
-    /// surfaces, as measured from corners and middles of triangles, and from points half a voxel (`voxel_mm`) apart.
+    /// Reduces the mesh to at most so many triangles, closed as before, by collapsing edges (quadric error metrics,
+    /// Garland and Heckbert 1997); remaining corners move, and keep their normals and colours. Returns the greatest
+    /// distance in mm between both surfaces, as measured from corners and middles of triangles, and from points half a
+    /// voxel (`voxel_mm`) apart.
     ///
     /// Memory: some 220 bytes a triangle. Cost: some microseconds a triangle.
     pub fn reduce(&mut self, triangles: u64, voxel_mm: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! From a model back to what other programs read: the surface as triangles, the skin as points, the solid as a mask.
+//! Export of a model to formats of other programs: the surface as triangles, the skin as points, the solid as a mask.
 //!
 //! ```text
 //!   octree --> skin of a slice --> where all else lies --> samples inside, as bits --> cubes between two slices
@@ -7,16 +7,16 @@
 //! ```
 //!
 //! The model is swept slice by slice; memory follows the largest slice, not the model, unless the triangles are to stay
-//! in memory. Models of voxels, and of cells that do not store what is inside, are first swept once more
-//! to derive it from the normals (enclosed).
+//! in memory. Models of voxels, and of cells that do not determine the inside, are first swept once more to derive it
+//! from the normals (enclosed).
 //!
-//! | part | what it holds |
+//! | part | content |
 //! |---|---|
 //! | `apart` | triangles in memory, on a second thread |
 //! | `bits` | slices of bits |
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
-//! | `patch` | where a patch lies in its cube, and its normal |
+//! | `patch` | position of a patch in its cube, and its normal |
 //! | `decimate` | fewer triangles, within a distance or to a number |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `labels` | the same for models of labels, a part for each label |
@@ -97,7 +97,7 @@ pub enum ExportForm {
     NiftiGz,
     /// A page that shows the model in a browser, HTML.
     Html,
-    /// Such a page without the model, which it fetches from its web server.
+    /// A page without the model, which it fetches from its web server.
     Linked,
 }
 
@@ -117,7 +117,7 @@ impl ExportForm {
         Self::Linked,
     ];
 
-    /// The form by a name's suffix.
+    /// The form of a name by its suffix.
     pub fn of(path: &Path) -> Option<Self> {
         let name = path.file_name()?.as_encoded_bytes().to_ascii_lowercase();
         let by_suffix = |form: &Self| {
@@ -126,22 +126,22 @@ impl ExportForm {
         Self::ALL.into_iter().find(by_suffix)
     }
 
-    /// Does the file hold coordinates, of 32 bits?
+    /// True if the file holds coordinates, which have 32 bits.
     pub(crate) fn has_coordinates(self) -> bool {
         !self.is_mask() && !self.is_page()
     }
 
-    /// Is it a volume of voxels that are inside or outside?
+    /// True for a volume of voxels inside or outside.
     pub fn is_mask(self) -> bool {
         matches!(self, Self::Nrrd | Self::Nifti | Self::NiftiGz)
     }
 
-    /// Is it for a browser?
+    /// True for a page for browsers.
     pub(crate) fn is_page(self) -> bool {
         matches!(self, Self::Html | Self::Linked)
     }
 
-    /// Is it a surface?
+    /// True for a surface of triangles.
     pub fn has_triangles(self) -> bool {
         matches!(self, Self::Stl | Self::Ply | Self::Obj | Self::Glb | Self::ThreeMf)
     }
@@ -155,7 +155,7 @@ impl ExportForm {
         }
     }
 
-    /// Name in reports and, but for points and linked pages, suffix.
+    /// Name in reports; except for points and linked pages also the suffix.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stl => "stl",
@@ -181,9 +181,9 @@ pub(crate) struct Exported {
     pub(crate) triangles: u64,
     /// Triangles before they were made fewer within a bound.
     pub(crate) fine_triangles: u64,
-    /// Greatest distance between the surfaces of both, in mm, where it was measured.
+    /// Greatest distance in mm between the reduced surface and the fine one, where it was measured.
     pub(crate) distance_mm: Option<f64>,
-    /// Bound of it.
+    /// Bound of that distance, in mm.
     pub(crate) within_mm: Option<f64>,
     /// True where each edge has two triangles, corners at one place being one, where the surface was in memory.
     pub(crate) is_closed: Option<bool>,
@@ -191,14 +191,14 @@ pub(crate) struct Exported {
     pub(crate) parts_gone: Option<u64>,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
-    /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
+    /// Enclosed boxes whose normals do not tell inside from outside.
     pub(crate) unknown: u64,
 }
 
-/// Why an export stopped.
+/// Reason for a stopped export.
 #[derive(Debug)]
 pub(crate) enum ExportStop {
-    /// The model is damaged: it does not hold the boxes that it says.
+    /// The model is damaged: its boxes are not as many as it states.
     Damaged,
     /// The output could not be written, or cannot hold the model (an [`ExportFault`]).
     Output(io::Error),
@@ -218,10 +218,10 @@ impl From<io::Error> for ExportStop {
     }
 }
 
-/// Slices after which the model's pages leave memory.
+/// Slices after which the model's pages are released.
 const SLICES_KEPT: u32 = 4;
 
-/// A model with its place.
+/// A model, its placement, and options of its export.
 pub(crate) struct Exporter<'a> {
     pub(crate) view: &'a ModelView<'a>,
     /// Size in boxes of the finest level.
@@ -229,32 +229,32 @@ pub(crate) struct Exporter<'a> {
     /// Index of a box to LPS mm.
     pub(crate) affine: Affine,
     pub(crate) space: &'a GridSpace,
-    /// Only the skin counts as inside in a mask.
+    /// True if only the skin counts as inside in a mask.
     pub(crate) skin_only: bool,
-    /// Fewer triangles, so many mm from these at most.
+    /// Reduces the triangles within this distance of the full surface, in mm.
     pub(crate) error_mm: Option<f64>,
-    /// Fewer triangles, about so many.
+    /// Reduces the triangles to about this number.
     pub(crate) triangles: Option<u64>,
-    /// Called now and then, where what was looked at of the model can leave memory.
+    /// Called at intervals to release the pages of the model that have been read.
     pub(crate) give_back: &'a dyn Fn(),
 }
 
-/// What is made of the samples.
+/// Product of the samples.
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
     Mesh(Mesher<'a>),
-    /// Made on another thread.
+    /// A mesh made on another thread.
     Slices(Slices),
     Mask(Mask),
-    /// Samples, and the cells between them and those before.
+    /// Consumer of samples, and of the cells between them and the slice before.
     Regions(&'a mut dyn FnMut(&Bits, &Rows<Item>) -> io::Result<()>),
 }
 
-/// First box of the skin along each axis, and the one behind the last.
+/// First box of the skin along each axis, and the one after the last.
 type Bounds = [[u32; 3]; 2];
 
 impl Exporter<'_> {
-    /// Writes the model into an empty file; data that has to wait goes to anonymous files in `scratch`.
+    /// Writes the model into an empty file; pending data goes to anonymous files in `scratch`.
     pub(crate) fn write(
         &self,
         form: ExportForm,
@@ -269,7 +269,7 @@ impl Exporter<'_> {
             ExportForm::Points => {
                 return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
             }
-            // Not of what is inside, and made elsewhere.
+            // A page does not depend on the inside, and is made elsewhere.
             ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
             _ => {}
         }
@@ -294,7 +294,7 @@ impl Exporter<'_> {
         })
     }
 
-    /// Fewer triangles, made of all of them in memory, or of those that slabs leave of a large surface.
+    /// Fewer triangles, from all of them in memory, or from reduced slabs of a large surface.
     fn whole(
         &self,
         bounds: Bounds,
@@ -328,7 +328,7 @@ impl Exporter<'_> {
         }))
     }
 
-    /// All triangles into a sink.
+    /// Sends all triangles to a sink.
     fn feed(
         &self,
         bounds: Bounds,
@@ -343,7 +343,7 @@ impl Exporter<'_> {
         Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
     }
 
-    /// The triangles in memory.
+    /// All triangles, in memory.
     pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<Mesh, ExportStop> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         self.knowing_inside(bounds, progress, &mut |fates| self.kept(bounds, fates, progress))
@@ -374,7 +374,7 @@ impl Exporter<'_> {
         self.view.cells().is_some()
     }
 
-    /// Has the model normals, and colours?
+    /// True if the model has normals; true if it has colours.
     fn has(&self) -> [bool; 2] {
         let first = VoxelIndex::new(0);
         let has_normals = self.cells() || self.view.voxel_normal(first).is_some();
@@ -386,7 +386,7 @@ impl Exporter<'_> {
         self.has()[1].then(Lights::new)
     }
 
-    /// Does the work with what the cells say of what is inside; where they do not, with what all normals say.
+    /// Runs `work` with the inside by the cells; if they do not suffice, with the fates by all normals.
     fn knowing_inside<T>(
         &self,
         bounds: Bounds,
@@ -401,7 +401,7 @@ impl Exporter<'_> {
         work(Some(self.fates(bounds, progress)?))?.ok_or(ExportStop::Damaged)
     }
 
-    /// What all normals say of what is inside, and of how many boxes they do not.
+    /// The fates of enclosed components by all normals, and the number of undecided boxes.
     fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<(u64, Fates), ExportStop> {
         progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
         let mut sweep = Sweep::new(bounds, self.outward()).keeping_fates();
@@ -422,7 +422,7 @@ impl Exporter<'_> {
         Mesher::new(self.to_mm(bounds), self.has(), sink)
     }
 
-    /// Middles of cubes, in their numbers, to mm.
+    /// Maps middles of cubes, by their numbers, to mm.
     fn to_mm(&self, bounds: Bounds) -> Affine {
         // Cube x has its middle half a voxel before sample x; a cell is a cube.
         let before = if self.cells() { 1.0 } else { 1.5 };
@@ -437,7 +437,7 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        // Of cells, the samples between them: one less along each axis, beginning half a cell later.
+        // Cells have samples between them: one less along each axis, beginning half a cell later.
         let (less, later) = if self.cells() { (1, 0.5) } else { (0, 0.0) };
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
@@ -450,7 +450,7 @@ impl Exporter<'_> {
         Ok(Some(Exported { inside, unknown, ..Exported::default() }))
     }
 
-    /// Sweeps the model, and makes the product of it; `None` where the cells do not say what is inside.
+    /// Sweeps the model, and makes its product; `None` if the cells do not determine the inside.
     fn sweep<'p>(
         &self,
         bounds: Bounds,
@@ -481,7 +481,8 @@ impl Exporter<'_> {
         Ok(Some((samples.product, unknown)))
     }
 
-    /// The skin of each slice, from the one before the first to the one behind the last, until the work gives `None`.
+    /// Calls `work` with the skin of each slice, from the one before the first to the one after the last, until it
+    /// returns `None`.
     fn each_slice(
         &self,
         [low, end]: Bounds,
@@ -507,7 +508,7 @@ impl Exporter<'_> {
         work(&[])
     }
 
-    /// Makes what follows from the slice of boxes that was taken last, and those before.
+    /// Extends the product by the slice of boxes that was taken last.
     fn next_slice(&self, state: &mut Samples<'_>, low: [u32; 3]) -> Result<(), ExportStop> {
         let Samples { lights, boxes: [boxes, below], samples: both, slices, is_first, product } = state;
         let cells = self.cells();
@@ -535,9 +536,9 @@ impl Exporter<'_> {
                 apart.send(if cells { &mut below.items } else { &mut boxes.items }, samples);
             }
             Product::Mask(mask) => {
-                // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
+                // Samples of voxels begin one before the skin; so do cells, and the sample after the first.
                 let [x, y, z] = low.map(|low| i64::from(low) - 1);
-                // A slice before the volume holds nothing.
+                // A slice before the volume is empty.
                 if let Ok(z) = u32::try_from(z + i64::from(*slices)) {
                     mask.empty_until(z)?;
                     mask.slice(samples, [x, y])?;
@@ -591,12 +592,12 @@ impl Exporter<'_> {
     }
 }
 
-/// The boxes around the skin.
+/// Extent of the boxes around the skin.
 fn extent_of([low, end]: Bounds) -> Extent {
     Extent { low: [low[0], low[1]], width: end[0] - low[0] + 2, height: (end[1] - low[1] + 2) as usize }
 }
 
-/// Where triangles of a form go; `has`: normals, and colours.
+/// The sink of a form; `has` is set for normals, and for colours.
 fn sink(
     form: ExportForm,
     out: File,
@@ -623,15 +624,15 @@ fn sink(
 
 /// The state between two slices.
 struct Samples<'p> {
-    /// If the model has colours.
+    /// Table of colours, if the model has colours.
     lights: Option<Lights>,
-    /// The slice that was taken last, and the one before.
+    /// The latest slice of boxes, and the one before.
     boxes: [Boxes; 2],
-    /// The same of samples.
+    /// The latest slice of samples, and the one before.
     samples: [Bits; 2],
     /// Slices of samples so far.
     slices: u32,
-    /// Is no slice of boxes before the last?
+    /// True before the second slice of boxes.
     is_first: bool,
     product: Product<'p>,
 }

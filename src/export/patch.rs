@@ -1,4 +1,4 @@
-//! Where the surface passes through a cube between eight samples.
+//! Position of the surface in a cube between eight samples.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "components of 8 bits")]
 
@@ -13,28 +13,28 @@ use crate::geom::VoxelIndex;
 use crate::load::{CellItems, ModelView, NodeView};
 use crate::render::GridSpace;
 
-/// Vertices keep this far from the faces of their cubes, in edges: so each sample stays on its side of the surface,
-/// also after coordinates were rounded.
+/// Distance that vertices keep from the faces of their cubes, in edges: so each sample stays on its side of the
+/// surface, also after coordinates were rounded.
 const MARGIN: f64 = 1.0 / 256.0;
 
 /// A point of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spot {
-    /// In edges of the cube, from its middle.
+    /// Position in edges of the cube, from its middle.
     pub(super) at: [f64; 3],
-    /// Outward, of the patient's axes, of length 1; zeros where nothing is known.
+    /// Outward unit normal in the patient's axes; zeros where none is known.
     pub(super) normal: [f32; 3],
-    /// Black where the model has no colours.
+    /// Colour; black for a model without colours.
     pub(super) light: Light,
 }
 
-/// Finds where patches lie.
+/// Positions of patches.
 pub(super) trait Spots {
-    /// The point where a patch has its vertex. Cubes come in rows, in each from left to right.
+    /// The vertex of a patch. Cubes come in rows, in each from left to right.
     fn spot(&mut self, place: Patch) -> Spot;
 }
 
-/// The same point, kept away from the faces of its cube.
+/// The point, kept away from the faces of its cube.
 #[inline(always)]
 fn held_within(at: [f64; 3]) -> [f64; 3] {
     let within = 0.5 - MARGIN;
@@ -50,7 +50,7 @@ pub(super) struct Patch {
     pub(super) patch: u8,
 }
 
-/// The unit normal of the world of a vector of index space.
+/// The unit normal in world space of a vector in index space.
 #[inline(always)]
 fn in_world(space: &GridSpace, n: [f64; 3]) -> [f32; 3] {
     unit(singles(space.index_normal_to_world(n)))
@@ -66,11 +66,11 @@ pub(super) fn singles(v: [f64; 3]) -> [f32; 3] {
 pub(super) struct Layer<'a> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) space: &'a GridSpace,
-    /// For voxels those of the slices below and above; for cells those of the layer itself.
+    /// Items of the slices below and above for voxels; of the layer itself for cells.
     pub(super) items: [&'a Rows<Item>; 2],
-    /// If the model has colours.
+    /// Table of colours, if the model has colours.
     pub(super) lights: Option<&'a Lights>,
-    /// The row of the last cube, and the first cell that is not before it.
+    /// The row of the last cube, and the first cell at or after it.
     pub(super) at: (usize, usize),
 }
 
@@ -146,7 +146,7 @@ impl Layer<'_> {
     }
 }
 
-/// Where the surface between eight samples crosses a patch's edges, in the mean, and its slope.
+/// The mean point where the surface between eight samples crosses a patch's edges, and its slope.
 fn between_corners(samples: [i8; CORNERS], place: Patch) -> ([f64; 3], [f64; 3]) {
     let value = |corner: usize| f64::from(samples[corner]);
     let at = middle(place, |edge| {
@@ -160,8 +160,8 @@ fn between_corners(samples: [i8; CORNERS], place: Patch) -> ([f64; 3], [f64; 3])
     (at, [0, 1, 2].map(slope))
 }
 
-/// For a component of a normal: the place on an edge along its axis, 0 to 1, is the plane's value at the low end times
-/// the first number, plus the second; half-way where the plane runs along the edge.
+/// Coefficients for a component of a normal: the crossing on an edge along its axis, 0 to 1, is the plane's value at
+/// the low end times the first number, plus the second; half-way where the plane runs along the edge.
 static PLACES: [[f64; 2]; 256] = {
     let mut places = [[0.0, 0.5]; 256];
     let mut component = -128_i32;
@@ -185,12 +185,12 @@ static NIBBLES: [[f64; 4]; 16] = {
     nibbles
 };
 
-/// The point of a plane that is nearest to the mean of where it meets the patch's edges.
+/// The point of a plane that is nearest to the mean of its crossings with the patch's edges.
 #[inline(always)]
 fn on_plane(normal: [i32; 3], offset: i8, crossed: &Crossed) -> [f64; 3] {
     let n = normal.map(f64::from);
     let [x, y, z] = n.map(|c| 2.0 * c);
-    // In a plane's own coordinates, which run from -1 to 1, values at corners are whole numbers.
+    // In the plane's own coordinates, from -1 to 1, values at corners are whole numbers.
     let first = -(n[0] + n[1] + n[2]) - f64::from(offset);
     let share = 1.0 / f64::from(crossed.count);
     let mean = [
@@ -235,7 +235,7 @@ fn patch_edges(place: Patch) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The mean of where a patch crosses its edges: `along` gives how far along each, 0 to 1.
+/// The mean crossing of a patch with its edges: `along` is the crossing on each edge, 0 to 1.
 #[inline(always)]
 fn middle(place: Patch, along: impl Fn(usize) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];

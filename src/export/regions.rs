@@ -26,9 +26,9 @@ pub(crate) struct Run {
 pub(crate) struct LayerCell {
     pub(crate) x: u32,
     pub(crate) row: usize,
-    /// Its number; of a cell of a larger leaf none that there is.
+    /// Number of the cell; of a cell of a larger leaf, a number that no cell has.
     pub(crate) number: u64,
-    /// The surface within it; `None` where it has walls between labels.
+    /// The surface within it; `None` for a cell with walls between labels.
     pub(crate) shape: Option<CellShape>,
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct RegionSlice {
     pub(crate) cells: Vec<LayerCell>,
 }
 
-/// Where the slices lie.
+/// Position of the slices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RegionFrame {
     /// The voxel of the volume at the first sample of the first slice.
@@ -69,7 +69,7 @@ impl RegionSlice {
         }
     }
 
-    /// Takes samples that are inside or outside.
+    /// Fills the slice from samples inside or outside.
     fn of_bits(&mut self, view: &ModelView<'_>, samples: &Bits, items: &Rows<Item>, frame: RegionFrame) {
         self.clear();
         for row in 0..frame.height {
@@ -92,7 +92,8 @@ impl RegionSlice {
         }
     }
 
-    /// Takes samples by the cells that end at them: between two cells of a row the label stays.
+    /// Fills the slice with the labels of samples, from the cells that end at them: between two cells of a row the
+    /// label stays.
     fn of_cells(&mut self, view: &ModelView<'_>, cells: &[SkinVoxel], frame: RegionFrame) {
         self.clear();
         let place = |at: u32, axis: usize| u32::try_from(i64::from(at) - frame.origin[axis]).unwrap_or(0);
@@ -116,12 +117,12 @@ impl RegionSlice {
 }
 
 impl Exporter<'_> {
-    /// Gives each slice of samples to `work`, from the one before the surface to the one behind it. `begin` makes the
-    /// state that `work` fills; it is called again where all that was given has to be given once more. `labelled` is true
-    /// for a model of labels. Returns the state, and how many boxes are enclosed that may be inside or outside.
+    /// Calls `work` with each slice of samples, from the one before the surface to the one after it. `begin` makes the
+    /// state that `work` fills; it is called again if all slices have to be swept once more. `labelled` is set for a
+    /// model of labels. Returns the state, and the number of enclosed boxes that may be inside or outside.
     ///
     /// # Errors
-    /// The model is damaged, the caller stops it, and what `begin` and `work` return.
+    /// The model is damaged, the caller stops it, and errors of `begin` and `work`.
     pub(crate) fn regions<T>(
         &self,
         labelled: bool,

@@ -1,13 +1,13 @@
-//! Which samples of a slice are inside, a bit for each.
+//! Samples of a slice that are inside, a bit for each.
 //!
-//! The samples of a model of voxels are the middles of these. Cells lie between samples: sample `x` touches the cells
+//! The samples of a model of voxels are the voxels' middles. Cells lie between samples: sample `x` touches the cells
 //! `x` and `x + 1` along each axis.
 //!
-//! Boxes that are not skin lie outside or inside. Cells say which by themselves: a side of a cell that is next to
-//! inside lies behind its surface (SPEC 4.8), so a stretch between two cells is outside where one of these sides does
-//! not. Where both do, a corner must lie so deep that it cannot be an outside one that is covered, or the normals must
-//! not point into the stretch, or a neighbouring stretch is inside; and neighbouring stretches must agree. Otherwise, and
-//! between voxels, all normals around decide ([`Sweep`]).
+//! Boxes that are not skin are outside or inside. Cells may decide it by themselves: a side of a cell that is next to
+//! the inside lies behind its surface (SPEC 4.8), so a run between two cells is outside if one of these sides does not.
+//! If both do, a corner must lie so deep that it cannot be an outside corner that is covered, or the normals must not
+//! point into the run, or a neighbouring run is inside; and neighbouring runs must agree. Otherwise, and between
+//! voxels, all normals around decide ([`Sweep`]).
 
 use super::bits::{Bits, any, set};
 use crate::enclosed::{LeafCell, Rows, Side, SkinVoxel, Sweep};
@@ -24,7 +24,7 @@ const HIGH_SIDE: u8 = 0b1010_1010;
 pub(super) struct Item {
     pub(super) number: u64,
     pub(super) x: u32,
-    /// Code of its normal, and offset of its plane; of cells.
+    /// Code of the normal, and offset of the plane; for cells only.
     pub(super) code: u16,
     pub(super) offset: i8,
 }
@@ -38,22 +38,22 @@ pub(super) struct Extent {
     pub(super) height: usize,
 }
 
-/// A slice of boxes: skin, and where everything else lies.
+/// A slice of boxes: skin, and the sides of everything else.
 #[derive(Debug)]
 pub(super) struct Boxes {
     extent: Extent,
     pub(super) items: Rows<Item>,
-    /// Boxes that are not skin.
+    /// Boxes outside, without the skin.
     outside: Bits,
     inside: Bits,
-    /// Of cells: the samples of either side that touch a box outside, and one inside.
+    /// For cells: the samples of either side that touch a box outside, and a box inside.
     touched: [Bits; 2],
-    /// Of cells: the samples below and above that a surface says are outside.
+    /// For cells: the samples below and above that lie in front of a surface.
     front: [Bits; 2],
 }
 
 impl Boxes {
-    /// An empty slice, of which nothing is known.
+    /// An empty slice, with every box undecided.
     pub(super) fn new(extent: Extent) -> Self {
         let bits = || Bits::new(extent.width, extent.height);
         Self {
@@ -66,13 +66,13 @@ impl Boxes {
         }
     }
 
-    /// Rows, one before and one behind the skin among them.
+    /// Number of rows, including one before and one after the skin.
     pub(super) fn height(&self) -> usize {
         self.extent.height
     }
 
-    /// Takes a slice, its skin in rows. `votes` knows where all else lies; without it the cells have to. `None` if they do
-    /// not.
+    /// Takes a slice, its skin in rows. `votes` has the sides of all other boxes; without it the cells must decide.
+    /// `None` if they do not.
     pub(super) fn take(
         &mut self,
         view: &ModelView<'_>,
@@ -149,7 +149,7 @@ impl Boxes {
         self.end_row(row, below, votes.is_none())
     }
 
-    /// What follows from a row and the one before.
+    /// Completes a row from the one before: boxes outside, and touched samples. `None` if runs disagree and must not.
     fn end_row(&mut self, row: usize, below: &Self, must_agree: bool) -> Option<()> {
         let Self { extent, outside, inside, touched, .. } = self;
         let mut disagree = 0;
@@ -187,11 +187,10 @@ impl Boxes {
         }
     }
 
-    /// The samples between this slice of cells and the next; in each row `y` those between the cells' rows `y` and
-    /// `y + 1`.
+    /// The samples between this slice of cells and the next; row `y` lies between the cells' rows `y` and `y + 1`.
     ///
-    /// A sample behind the surfaces of all the cells around is inside; where it touches cells without a surface, these
-    /// decide, the outer ones first.
+    /// A sample behind the surfaces of all cells around it is inside; where it touches boxes without a surface, these
+    /// decide, the outside ones first.
     pub(super) fn of_cells(&self, next: &Self, samples: &mut Bits) {
         let Extent { width, height, .. } = self.extent;
         for row in 0..height - 1 {
@@ -207,7 +206,7 @@ impl Boxes {
     }
 }
 
-/// A cell next to a stretch of boxes.
+/// A cell next to a run of boxes.
 struct Cell {
     x: u32,
     /// Corners that are inside, as bits.
@@ -220,13 +219,13 @@ struct Cell {
 const SAMPLED: i32 = HAS_CORNERS as i32;
 
 impl Cell {
-    /// Does a side lie behind the surface?
+    /// True if the side lies behind the surface.
     #[inline(always)]
     fn covers(&self, side: u8) -> bool {
         self.corners & side == side
     }
 
-    /// Is a corner of a side farther behind the plane than a plane may cover one that is outside (SPEC 4.8)? Corners by
+    /// True if a corner of the side is farther behind the plane than an outside corner may be (SPEC 4.8). Corners by
     /// samples are always right.
     #[cold]
     fn is_deep(&self, side: u8) -> bool {
@@ -239,7 +238,7 @@ impl Cell {
     }
 }
 
-/// The bits of a word of a row of which so many are in use.
+/// Mask of the bits in use in a word of a row with so many bits.
 fn first_bits(word: usize, used: u32) -> u64 {
     match (used as usize).checked_sub(64 * word) {
         Some(left) if left >= 64 => u64::MAX,
@@ -248,7 +247,7 @@ fn first_bits(word: usize, used: u32) -> u64 {
     }
 }
 
-/// Sets the samples at `x` and behind it that the two low bits say.
+/// Sets the samples at `x` and after it by the two low bits.
 #[inline(always)]
 fn mark(row: &mut [u64], x: u32, pair: u8) {
     let (at, bits) = (x as usize / 64, u64::from(pair & 3));

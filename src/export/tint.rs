@@ -1,11 +1,11 @@
-//! Colours of vertices: means of those of skin voxels, in linear light.
+//! Colours of vertices: means over skin voxels, in linear light.
 
 use crate::render::shade::linear;
 
 /// Linear red, green and blue, in 65535ths.
 pub(super) type Light = [u16; 3];
 
-/// Colour of what has none, as such models are shown (sRGB).
+/// Colour of models without one, as in pictures (sRGB).
 pub(super) const UNCOLORED: [u8; 3] = [236, 226, 208];
 
 /// The linear light of every stored value, in 65535ths.
@@ -25,7 +25,7 @@ impl Mixture {
         self.count += 1;
     }
 
-    /// The mean, rounded; that of nothing is `nothing`.
+    /// The mean, rounded; `nothing` for an empty sum.
     pub(super) fn mean(&self, nothing: Light) -> Light {
         if self.count == 0 {
             return nothing;

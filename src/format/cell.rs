@@ -11,7 +11,7 @@ pub const CORNERS: usize = 8;
 /// The offset of a cell that has corners instead of a plane.
 pub(crate) const HAS_CORNERS: i8 = i8::MIN;
 
-/// Cells of a block of the directory of corners.
+/// Cells per block of the directory of corners.
 pub(crate) const CORNER_BLOCK: u64 = 512;
 
 /// The least depth of larger leaves in a grid of this depth: an edge of 32 cells, but not the root.
@@ -19,16 +19,16 @@ pub(crate) const fn first_leaf_depth(depth: u32) -> u32 {
     if depth > 6 { depth - 5 } else { 1 }
 }
 
-/// Blocks of the directory of larger leaves for so many nodes.
+/// Blocks of the directory of larger leaves for this many nodes.
 pub(crate) const fn leaf_blocks(nodes: u64) -> u64 {
     corner_blocks(nodes)
 }
 
-/// The same as an index into memory.
+/// [`CORNER_BLOCK`] as an index into memory.
 const BLOCK: usize = 512;
 const _: () = assert!(BLOCK as u64 == CORNER_BLOCK);
 
-/// Blocks of the directory for so many cells.
+/// Blocks of the directory of corners for this many cells.
 pub(crate) const fn corner_blocks(cells: u64) -> u64 {
     cells.div_ceil(CORNER_BLOCK)
 }
@@ -40,38 +40,38 @@ pub fn at_corner(normal: [i32; 3], corner: usize) -> i32 {
     signed(0) + signed(1) + signed(2)
 }
 
-/// The plane of a cell: what lies behind `normal . u <= offset` is inside. The normal is of index space.
+/// The plane of a cell: points with `normal . u <= offset` are inside. The normal is of index space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plane {
-    /// Outward, of L1 length 127.
+    /// Outward normal, of L1 length 127.
     pub normal: [i32; 3],
-    /// -127..=127; at 127 the whole cell is inside.
+    /// Offset, -127..=127; at 127 the whole cell is inside.
     pub offset: i32,
 }
 
 impl Plane {
-    /// The plane of a normal code and an offset that is not `HAS_CORNERS`.
+    /// The plane of a normal code and an offset, which must not be `HAS_CORNERS`.
     #[inline(always)]
     pub fn new(code: u16, offset: i8) -> Self {
         Self { normal: normal::decode_l1(code), offset: i32::from(offset) }
     }
 
-    /// The point that is nearest to the middle of the cell, held within the cell: from the middle, in edges.
+    /// The point of the plane nearest to the middle of the cell, clamped to the cell: from the middle, in edges.
     pub(crate) fn nearest_to_middle(self) -> [f64; 3] {
         let n = self.normal.map(f64::from);
         let square = n.iter().map(|c| c * c).sum::<f64>().max(1.0);
         n.map(|c| (c * f64::from(self.offset) / 2.0 / square).clamp(-0.5, 0.5))
     }
 
-    /// Corners behind the plane, as bits.
+    /// Mask of the corners behind the plane.
     pub fn inside(&self) -> u8 {
         (0..CORNERS).filter(|c| at_corner(self.normal, *c) <= self.offset).fold(0, |bits, c| bits | 1 << c)
     }
 }
 
-/// The plane of a larger leaf (SPEC 4.9) in a part of its box: behind `normal . u <= offset` of the part's own coordinates is
-/// inside. Whole numbers: the middle of a part of a box E times as long lies at c / E, c whole, and the plane
-/// `N . u <= k` of the box is `N . u <= E k - N . c` there.
+/// The plane of a larger leaf (SPEC 4.9) in a part of its box: points with `normal . u <= offset` in the part's own
+/// coordinates are inside. In integers: the middle of a part of a box E times as long lies at c / E, with integer c,
+/// and the plane `N . u <= k` of the box is `N . u <= E k - N . c` there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PlanePart {
     normal: [i32; 3],
@@ -79,12 +79,12 @@ pub(crate) struct PlanePart {
 }
 
 impl PlanePart {
-    /// All of the box.
+    /// The plane in the whole box.
     pub(crate) fn of(plane: Plane) -> Self {
         Self { normal: plane.normal, offset: plane.offset }
     }
 
-    /// In a cell of a box of `edge` cells, by its place.
+    /// The plane in a cell of a box of `edge` cells, by the cell's position.
     pub(crate) fn cell(self, edge: u32, at: [u32; 3]) -> Self {
         let edge = edge.cast_signed();
         let [x, y, z] = at.map(|c| 2 * c.cast_signed() + 1 - edge);
@@ -92,17 +92,17 @@ impl PlanePart {
         Self { offset: edge * self.offset - along, ..self }
     }
 
-    /// In an octant.
+    /// The plane in an octant.
     pub(crate) fn octant(self, octant: Octant) -> Self {
         self.cell(2, octant.high())
     }
 
-    /// -127..127 where the plane passes through the part, more where that lies behind it.
+    /// -127..127 where the plane passes through the part, more where the part lies behind it.
     pub(crate) fn offset(self) -> i32 {
         self.offset
     }
 
-    /// Does the plane pass through the part?
+    /// True if the plane passes through the part.
     pub(crate) fn is_crossed(self) -> bool {
         (-127..127).contains(&self.offset)
     }
@@ -111,7 +111,7 @@ impl PlanePart {
 /// Builds a directory from bytes fed in order: of corners from offsets, or of larger leaves from infobytes.
 #[derive(Debug)]
 pub(crate) struct CornerRankBuilder {
-    /// The byte that is counted.
+    /// The counted byte value.
     value: u8,
     cells: u64,
     with_corners: u64,
@@ -129,7 +129,7 @@ impl CornerRankBuilder {
         Self { value, cells: 0, with_corners: 0 }
     }
 
-    /// Feeds the next offsets, and calls `on_block` with the cells that have corners before every block.
+    /// Feeds the next offsets, and calls `on_block` with the number of cells with corners before every block.
     pub(crate) fn feed(&mut self, offsets: &[u8], mut on_block: impl FnMut(u64)) {
         let mut rest = offsets;
         while !rest.is_empty() {
@@ -144,30 +144,30 @@ impl CornerRankBuilder {
         }
     }
 
-    /// Cells that have corners so far.
+    /// Number of cells with corners so far.
     pub(crate) fn with_corners(&self) -> u64 {
         self.with_corners
     }
 }
 
-/// Most cells that a byte counts, a whole number of vectors.
+/// Most cells that a byte counts, a multiple of the vector length.
 const PART: usize = 128;
 
-/// Bytes of a value among these.
+/// Number of bytes equal to `value`.
 #[inline(always)]
 fn count(offsets: &[u8], value: u8) -> u64 {
-    // In bytes as long as they do not overflow: vectors of bytes are counted at once.
+    // Counts in bytes as long as they do not overflow: one vector then counts many bytes at once.
     let of = |part: &[u8]| part.iter().fold(0_u8, |n, o| n.wrapping_add(u8::from(*o == value)));
     offsets.chunks(PART).map(|part| u64::from(of(part))).sum()
 }
 
-/// Number of a cell's corners, by the directory. Any bytes are safe: what lies outside counts 0.
+/// Number of a cell's corners, by the directory. Any bytes are safe: missing ones count 0.
 #[inline]
 pub(crate) fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) -> u64 {
     number_of(offsets, directory, cell, HAS_CORNERS.cast_unsigned())
 }
 
-/// Number of the larger leaf that a node is, by the directory. Any bytes are safe.
+/// Number of the larger leaf at a node, by the directory. Any bytes are safe.
 #[inline(always)]
 pub(crate) fn leaf_number(infobytes: &[u8], directory: &[[u8; 8]], node: usize) -> u64 {
     number_of(infobytes, directory, node, 0)

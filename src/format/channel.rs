@@ -1,8 +1,8 @@
-//! The channels: what is stored of a skin voxel, one row of the table each.
+//! The channels: attributes stored for a skin voxel, one row of the table each.
 //!
-//! A row says everything that differs between channels: name and tags, bytes per item, how items are averaged
-//! for coarse nodes, how they are packed, what is legal. Builder, loader, verifier, packer and reports
-//! read the row; none of them names a channel, but where the metadata or a view does.
+//! A row holds everything that differs between channels: name and tags, bytes per item, averaging of items for coarse
+//! nodes, packing, illegal items. Builder, loader, verifier, packer and reports read the row; none of them names a
+//! channel, except where the metadata or a view does.
 
 use std::fmt;
 
@@ -17,41 +17,41 @@ use super::packed::{CODEC_DIRECTIONS, CODEC_PLANES};
 #[derive(Debug)]
 pub struct ChannelRow {
     channel: Channel,
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     pub name: &'static str,
-    /// Its items in sentences.
+    /// Name of its items in sentences.
     pub items_name: &'static str,
     /// Tag of the section with one item per voxel.
     pub tag: [u8; 4],
-    /// Bytes that an item may have.
+    /// Allowed numbers of bytes per item.
     pub item_bytes: &'static [u8],
-    /// How coarse nodes come to items, if they do.
+    /// Rule for the items of coarse nodes, if they have any.
     pub means: Option<Means>,
     /// Codec of the packed section (SPEC 5.1).
     pub codec: u8,
-    /// Does the metadata say that the channel is there (SPEC I17)? Not asked if it says nothing of it.
+    /// True if the metadata states the channel (SPEC I17); `None` if the metadata never mentions it.
     pub is_stated: Option<fn(&Metadata) -> bool>,
-    /// The illegal items (SPEC I14).
+    /// True for an illegal item (SPEC I14).
     pub illegal: Option<fn(&[u8]) -> bool>,
-    /// Does only a part of the voxels have an item? The offset says which (SPEC 4.8).
+    /// True if only a part of the voxels has an item, marked by the offset (SPEC 4.8).
     pub is_sparse: bool,
-    /// Does its section hold bytes from which the items are decoded (SPEC 4.11), rather than the items?
+    /// True if the section holds bytes from which the items are decoded (SPEC 4.11), rather than the items.
     pub is_coded: bool,
 }
 
 /// The section of coarse means of a channel.
 #[derive(Debug)]
 pub struct Means {
-    /// Its tag.
+    /// Tag of the section.
     pub tag: [u8; 4],
-    /// Its name in reports.
+    /// Name in reports.
     pub name: &'static str,
-    /// How a mean comes about.
+    /// Rule of the mean.
     pub rule: MeanRule,
 }
 
 impl ChannelRow {
-    /// A channel of voxels alone, whose items may be anything.
+    /// A row of an independent channel of voxels without illegal items.
     const fn plain(
         channel: Channel,
         name: &'static str,
@@ -127,13 +127,13 @@ impl Channel {
         TABLE.iter().map(|row| row.channel)
     }
 
-    /// Its row of the table.
+    /// The channel's row of the table.
     #[inline]
     pub fn row(self) -> &'static ChannelRow {
         &TABLE[self as usize]
     }
 
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     pub fn name(self) -> &'static str {
         self.row().name
     }
@@ -166,25 +166,25 @@ impl Channels {
     /// No channel: the structure alone.
     pub const NONE: Self = Self(0);
 
-    /// The same set with one more.
+    /// The same set with one more channel.
     #[must_use]
     pub const fn with(self, channel: Channel) -> Self {
         Self(self.0 | 1 << channel as u16)
     }
 
-    /// Is the channel in the set?
+    /// True if the channel is in the set.
     pub const fn contains(self, channel: Channel) -> bool {
         self.0 >> channel as u16 & 1 == 1
     }
 
-    /// Its channels, in file order.
+    /// The channels of the set, in file order.
     pub fn iter(self) -> impl DoubleEndedIterator<Item = Channel> + Clone {
         Channel::all().filter(move |channel| self.contains(*channel))
     }
 }
 
 impl Default for Channels {
-    /// Normals, which shading needs, and nothing else.
+    /// Normals alone, which shading needs.
     fn default() -> Self {
         Self::NONE.with(Channel::Normal)
     }
@@ -214,7 +214,7 @@ impl fmt::Debug for Channels {
     }
 }
 
-/// How the items of a node's voxels become the item of the node.
+/// Rule that combines the items of a node's voxels to the item of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeanRule {
     /// The direction of the sum of the L1-127 vectors; the first voxel's if that is zero (SPEC 4.6, I15).
@@ -223,25 +223,25 @@ pub enum MeanRule {
     Number,
 }
 
-/// The items of some voxels, added up for their mean.
+/// Sum of voxel items for their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sum {
-    /// Components; of a number the first alone, which holds the bits of a u64.
+    /// Components; a number only uses the first, which holds the bits of a u64.
     parts: [i64; 3],
-    /// Voxels.
+    /// Number of voxels.
     count: u64,
-    /// Code of the first voxel, of directions.
+    /// Code of the first voxel; only for directions.
     first: u16,
 }
 
-/// A mean, little-endian; as many bytes as an item has are stored.
+/// A mean, little-endian; only as many bytes as an item has are stored.
 pub(crate) type MeanBytes = [u8; 8];
 
 /// Longest item that can be averaged.
 const LONGEST_MEAN: usize = size_of::<MeanBytes>();
 
 impl MeanRule {
-    /// Adds voxels that follow in Morton order, `item_bytes` each, at most 2^24.
+    /// Adds the next voxels in Morton order, `item_bytes` each, at most 2^24.
     #[inline]
     pub(crate) fn add_items(self, sum: &mut Sum, items: &[u8], item_bytes: usize) {
         match self {
@@ -274,7 +274,7 @@ impl MeanRule {
         }
     }
 
-    /// Adds an item as often as said, at most 2^10 times.
+    /// Adds an item `times` times, at most 2^10.
     pub(crate) fn add_repeated(self, sum: &mut Sum, item: &[u8], times: u64) {
         let mut own = Sum::default();
         self.add_items(&mut own, item, item.len());
@@ -283,7 +283,7 @@ impl MeanRule {
         sum.join(&own);
     }
 
-    /// The mean of what was added.
+    /// The mean of the added items.
     #[inline]
     pub(crate) fn mean(self, sum: &Sum) -> MeanBytes {
         match self {
@@ -294,7 +294,7 @@ impl MeanRule {
             }
             Self::Number => {
                 let (total, count) = (sum.parts[0].cast_unsigned(), sum.count.max(1));
-                // Half up without a sum that could overflow.
+                // Rounded half up without a sum that could overflow.
                 let mean = total / count + u64::from(2 * (total % count) >= count);
                 mean.to_le_bytes()
             }
@@ -302,7 +302,7 @@ impl MeanRule {
     }
 }
 
-/// An item as a number, of a longer one the first eight bytes.
+/// An item as a number; only the first eight bytes of a longer one.
 pub(crate) fn number(item: &[u8]) -> u64 {
     item.iter().take(8).rev().fold(0, |n, byte| n << 8 | u64::from(*byte))
 }
@@ -311,7 +311,7 @@ impl Sum {
     /// Bytes of [`Sum::to_bytes`].
     pub(crate) const BYTES: usize = 40;
 
-    /// Adds boxes that follow in Morton order.
+    /// Adds the next boxes in Morton order.
     #[inline]
     pub fn join(&mut self, next: &Self) {
         if self.count == 0 {
@@ -323,7 +323,7 @@ impl Sum {
         self.count += next.count;
     }
 
-    /// Voxels added.
+    /// Number of added voxels.
     #[inline]
     pub fn count(&self) -> u64 {
         self.count
@@ -341,7 +341,7 @@ impl Sum {
         bytes
     }
 
-    /// The sum that gave these bytes.
+    /// Parses the bytes of [`Sum::to_bytes`].
     pub(crate) fn parse(bytes: &[u8; Self::BYTES]) -> Self {
         let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| bytes[8 * i + k]));
         #[expect(clippy::cast_possible_truncation, reason = "written from a u16")]

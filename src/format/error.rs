@@ -10,7 +10,7 @@ use super::{Channel, SectionKind};
 use crate::geom::{Level, NodeIndex, VoxelIndex};
 use crate::text::names::{BUILD, UNPACK};
 
-/// A rule of SPEC.md that the bytes of a file, or what is to be written into one, break.
+/// A rule of SPEC.md that is broken by the bytes of a file, or by the content to be written into one.
 ///
 /// SPEC 6 lists the variants of each rule, I1 to I18. Sections are counted in the order of the table, from 0.
 #[non_exhaustive]
@@ -37,9 +37,9 @@ pub enum FormatError {
     #[error("{DAMAGED}sections do not follow each other without gaps{AGAIN}")]
     SectionGap {
         section: u16,
-        /// First multiple of 64 at or after the end of what stands before it.
+        /// First multiple of 64 at or after the end of the preceding section.
         expected: u64,
-        /// Where the table says it starts.
+        /// Offset stated by the table.
         found: u64,
     },
     #[error("{DAMAGED}a section's size is not items times bytes per item{AGAIN}")]
@@ -51,7 +51,7 @@ pub enum FormatError {
     SectionOrder {
         section: u16,
         kind: SectionKind,
-        /// The known kind before it.
+        /// The preceding known kind.
         after: SectionKind,
     },
     #[error("{DAMAGED}the last section does not end where the file ends{AGAIN}")]
@@ -114,7 +114,7 @@ pub enum FormatError {
     )]
     LevelBoxes {
         level: Level,
-        /// Boxes that the table gives it; `None` where the table falls.
+        /// Number of boxes in the table; `None` where the table falls.
         boxes: Option<u64>,
     },
     #[error("{DAMAGED}the checksum of {} does not match{AGAIN}", .kind.map_or("a section of unknown kind", SectionKind::name))]
@@ -139,7 +139,7 @@ pub enum FormatError {
     SurplusBoxes {
         level: Level,
         stated: u64,
-        /// Boxes that the walk met.
+        /// Number of boxes that the walk met.
         found: u64,
     },
     #[error("{DAMAGED}{}{AGAIN}", too_few(*.kind))]
@@ -147,15 +147,15 @@ pub enum FormatError {
     #[error("{DAMAGED}there are more {} than voxels (SPEC I11){AGAIN}", items_name(*.kind))]
     SurplusItems {
         kind: SectionKind,
-        /// Bytes that no voxel has filled.
+        /// Bytes left over after the last voxel.
         room: u64,
     },
     #[error("{DAMAGED}a depth has too many or too few nodes (SPEC I11){AGAIN}")]
     SubtreeNodes {
         level: Level,
-        /// Nodes that the level table leaves for it.
+        /// Nodes left for it by the level table.
         room: u64,
-        /// Nodes that the subtrees bring.
+        /// Nodes of the subtrees.
         brought: u64,
     },
     #[error("{DAMAGED}a depth has fewer nodes than their parents have children (SPEC I11){AGAIN}")]
@@ -165,7 +165,7 @@ pub enum FormatError {
     #[error("{DAMAGED}{}{AGAIN}", too_few(SectionKind::Rank))]
     RankMismatch {
         node: NodeIndex,
-        /// Set bits that the infobytes give.
+        /// Number of set bits by the infobytes.
         due: u64,
         found: u64,
     },
@@ -181,7 +181,7 @@ pub enum FormatError {
     #[error("{DAMAGED}the directory of corners does not match the offsets (SPEC I18){AGAIN}")]
     CornerRank {
         block: u64,
-        /// Cells with corners before it.
+        /// Number of cells with corners before it.
         due: u64,
     },
     #[error(
@@ -203,7 +203,7 @@ pub enum FormatError {
     #[error("{DAMAGED}the directory of larger leaves does not match the nodes (SPEC I19){AGAIN}")]
     LeafRank {
         block: u64,
-        /// Larger leaves before it.
+        /// Number of larger leaves before it.
         due: u64,
     },
     #[error("{DAMAGED}the plane of a larger leaf is illegal (SPEC I14){AGAIN}")]
@@ -214,17 +214,17 @@ pub enum FormatError {
         level: Level,
         node: NodeIndex,
         due: u16,
-        /// Code found; `None` where the section has ended.
+        /// The code found; `None` where the section has ended.
         found: Option<u16>,
     },
     #[error("{DAMAGED}a mean {channel} at depth {} is not that of its voxels (SPEC I16){AGAIN}", .level.get())]
     MeanValue { channel: Channel, level: Level, node: NodeIndex, due: u64, found: u64 },
-    /// I17: the metadata speaks of a channel that is not there, or is silent of one that is: by the gradient's
-    /// name of normals, by their scale of values.
+    /// I17: the metadata states a channel that is absent, or lacks one that is present: by the gradient's name for
+    /// normals, by the scale for values.
     #[error("{DAMAGED}metadata and sections disagree about {} (SPEC I17){AGAIN}", .channel.row().items_name)]
     ChannelStated {
         channel: Channel,
-        /// Does the metadata speak of it?
+        /// True if the metadata states it.
         stated: bool,
     },
     #[error("{DAMAGED}metadata has an impossible range of values (SPEC I17){AGAIN}")]
@@ -278,5 +278,5 @@ fn items_name(kind: SectionKind) -> &'static str {
     kind.channel().map_or(kind.name(), |channel| channel.row().items_name)
 }
 
-// Readers return it from loops over every voxel.
+// Small, because readers return it from loops over every voxel.
 const _: () = assert!(size_of::<FormatError>() <= 32);

@@ -8,7 +8,7 @@ use crate::geom::Dims;
 pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 /// Major version written and read.
 pub(crate) const VERSION_MAJOR: u16 = 1;
-/// Minor version written; higher ones are read, too.
+/// Minor version written; higher ones are also read.
 pub(crate) const VERSION_MINOR: u16 = 0;
 /// Minor version of files with a quantity.
 pub(crate) const QUANTITY_MINOR: u16 = 1;
@@ -29,7 +29,7 @@ const AT_TABLE_CRC: usize = AT_RESERVED + 4;
 const AT_HEADER_CRC: usize = AT_TABLE_CRC + 4;
 const _: () = assert!(AT_HEADER_CRC + 4 == HEADER_BYTES);
 
-/// Bits of the encoding byte: packed, cells instead of skin voxels, and of cells with larger leaves, or between labels.
+/// Bits of the encoding byte: packed; cells instead of skin voxels; cells with larger leaves; cells between labels.
 const PACKED: u8 = 1;
 const CELLS: u8 = 2;
 const LEAVES: u8 = 4;
@@ -37,12 +37,12 @@ const WALLS: u8 = 8;
 const WITH_LEAVES: u8 = CELLS | LEAVES;
 const WITH_WALLS: u8 = CELLS | WALLS;
 
-/// How sections are stored.
+/// Storage of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Encoding {
-    /// Used in place.
+    /// Plain, used in place.
     Mapped,
     /// Entropy coded, for archive and transport.
     Packed,
@@ -63,17 +63,17 @@ impl Encoding {
 pub struct Header {
     /// Minor version found or written.
     pub minor: u16,
-    /// How sections are stored.
+    /// Storage of the sections.
     pub encoding: Encoding,
     /// The kind of the boxes of the finest level.
     pub surface: SurfaceKind,
-    /// Are some nodes larger leaves (SPEC 4.9)? Of cells only.
+    /// True if some nodes are larger leaves (SPEC 4.9); only for cells.
     pub leaves: bool,
-    /// Do planes part labels (SPEC 4.12)? Of cells only, and without larger leaves.
+    /// True if planes separate labels (SPEC 4.12); only for cells without larger leaves.
     pub walls: bool,
     /// Number of sections.
     pub sections: u16,
-    /// Length of the whole file.
+    /// Length of the file in bytes.
     pub file_bytes: u64,
     /// Nodes N (infobytes).
     pub nodes: u64,
@@ -98,7 +98,7 @@ fn u64_at(b: &[u8; HEADER_BYTES], at: usize) -> u64 {
 }
 
 impl Header {
-    /// The 64 bytes.
+    /// The bytes of the header.
     pub fn to_bytes(&self) -> [u8; HEADER_BYTES] {
         let mut b = [0; HEADER_BYTES];
         let mut put = |at: usize, bytes: &[u8]| b[at..at + bytes.len()].copy_from_slice(bytes);
@@ -127,7 +127,7 @@ impl Header {
     /// Reads and checks the header of a file of `file_len` bytes that starts with `bytes`.
     ///
     /// # Errors
-    /// Magic first (so that foreign files are called foreign), then version, checksum, each field.
+    /// Magic first (so that foreign files are reported as such), then version, checksum, each field.
     pub fn parse(bytes: &[u8], file_len: u64) -> Result<Self, FormatError> {
         let shown = bytes.len().min(MAGIC.len());
         if bytes.is_empty() || bytes[..shown] != MAGIC[..shown] {

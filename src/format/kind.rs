@@ -1,4 +1,4 @@
-//! Names of what a file holds: its surface, its channels and its sections.
+//! Names of a file's content: its surface, its channels and its sections.
 
 /// The kind of the boxes of the finest level of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
@@ -13,7 +13,7 @@ pub enum SurfaceKind {
 }
 
 impl SurfaceKind {
-    /// By how much a volume's sides grow to those of its boxes.
+    /// Difference between the number of boxes and the number of voxels along each axis of a volume.
     pub(crate) const fn grown(self) -> u32 {
         match self {
             Self::Skin => 0,
@@ -21,7 +21,7 @@ impl SurfaceKind {
         }
     }
 
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Skin => "skin",
@@ -30,7 +30,7 @@ impl SurfaceKind {
     }
 }
 
-/// One attribute of skin voxels, in the order in which sections stand in a file.
+/// One attribute of skin voxels, in the order of the sections in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
@@ -38,9 +38,9 @@ pub enum Channel {
     Normal,
     /// The value of the volume at the voxel (SPEC 4.7).
     Value,
-    /// Where the surface lies: of cells that of the plane, or that there are corners instead (SPEC 4.8).
+    /// Position of the surface: offset of a cell's plane, or a mark for corners instead (SPEC 4.8).
     Offset,
-    /// RGB8.
+    /// Colour, RGB8.
     Color,
     /// Material number.
     Material,
@@ -48,18 +48,18 @@ pub enum Channel {
     Corners,
     /// Numbers of the labels behind and in front (SPEC 4.12), in blocks with palettes.
     Label,
-    /// How fast values rise across the surface of a cell, as the logarithm (SPEC 4.14).
+    /// Logarithm of the rise of values across the surface of a cell (SPEC 4.14).
     Steepness,
 }
 
-/// Kind of a section, in the order in which sections stand in a file.
+/// Kind of a section, in the order of the sections in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SectionKind {
     /// Metadata.
     Meta,
     /// Labels with their names and colours (SPEC 4.10).
     LabelTable,
-    /// The measured quantity that values are (SPEC 4.13).
+    /// The measured quantity of the values (SPEC 4.13).
     Quantity,
     /// First node of every depth.
     Levels,
@@ -69,14 +69,14 @@ pub enum SectionKind {
     Rank,
     /// Means of a channel over coarse nodes.
     Means(Channel),
-    /// One item of a channel per voxel; of a sparse channel per voxel that has one.
+    /// One item of a channel per voxel; for a sparse channel, per voxel that has one.
     Voxels(Channel),
-    /// How many cells before each block have corners.
+    /// Number of cells with corners before each block.
     CornerRank,
     /// Normals of larger leaves, by node number (SPEC 4.9).
     LeafNormals,
-    /// Offsets of their planes.
+    /// Offsets of larger leaves' planes.
     LeafOffsets,
-    /// How many nodes before each block are larger leaves.
+    /// Number of larger leaves before each block of nodes.
     LeafRank,
 }

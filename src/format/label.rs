@@ -5,14 +5,14 @@ use super::metadata::METADATA_LIMIT;
 
 /// Most labels of one model.
 pub(crate) const MAX_LABELS: usize = 1 << 14;
-/// Cells of a block, which has a palette of its own, and blocks of a group, which has an entry in the directory.
+/// Cells of a block, which has its own palette, and blocks of a group, which has an entry in the directory.
 const BLOCK: usize = 64;
 const BLOCKS: usize = 8;
 /// Cells of a group.
 pub(crate) const GROUP: usize = BLOCK * BLOCKS;
-/// Bytes of an entry of the directory: where the group begins, and the size of each block's palette.
+/// Bytes of an entry of the directory: offset of the group, and size of each block's palette.
 pub(crate) const ENTRY: usize = 16;
-/// Labels of the largest palette; blocks of more hold labels as they are.
+/// Labels of the largest palette; blocks with more labels store them directly.
 const LARGEST: usize = 16;
 /// Bytes of a record of the table, without its name.
 const RECORD: usize = 2 + 4 + 8 + 8;
@@ -20,32 +20,32 @@ const RECORD: usize = 2 + 4 + 8 + 8;
 /// One label of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Label {
-    /// Its number in the volume: 1 to 65,535.
+    /// Number in the volume: 1 to 65,535.
     pub number: u16,
-    /// Its name; empty if it has none.
+    /// Name; may be empty.
     pub name: String,
-    /// Its colour (sRGB).
+    /// Colour (sRGB).
     pub color: [u8; 3],
-    /// Voxels of the volume that have it, those inside included.
+    /// Voxels of the volume with this label, those inside included.
     pub voxels: u64,
 }
 
-/// What a table states of a label.
+/// Entry of a table of label names.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabelName {
-    /// Its number in the volume.
+    /// Number in the volume.
     pub number: u16,
-    /// Its name; may be empty.
+    /// Name; may be empty.
     pub name: String,
-    /// Its colour (sRGB), if the table has one.
+    /// Colour (sRGB), if the table has one.
     #[serde(default)]
     pub color: Option<[u8; 3]>,
 }
 
 impl Label {
-    /// The colour of a label for which no table states one: 120 colours far from each other, also to dichromats
-    /// (CIEDE2000 of the first 10 / 20 / 40 / 120: at least 23 / 14 / 9.7 / 5.3; to them 16 / 9.6 / 6.3 / 3.5).
+    /// The default colour of a label: 120 colours far from each other, also to dichromats (CIEDE2000 of the first 10 /
+    /// 20 / 40 / 120: at least 23 / 14 / 9.7 / 5.3; to them 16 / 9.6 / 6.3 / 3.5).
     pub fn default_color(number: u16) -> [u8; 3] {
         let [_, r, g, b] = PALETTE[(usize::from(number).wrapping_sub(1)) % PALETTE.len()].to_be_bytes();
         [r, g, b]
@@ -73,10 +73,10 @@ const PALETTE: [u32; 120] = [
     0x00a5_d2e1, 0x00e1_c3ff, 0x00d2_87a5, 0x00b4_e1c3, 0x0096_7896, 0x0078_00e1, 0x003c_962d, 0x00c3_7878,
 ];
 
-/// Content of the table's section.
+/// Bytes of the section of the table.
 ///
 /// # Errors
-/// It would be longer than 1 MiB.
+/// The section would be longer than 1 MiB.
 pub(crate) fn table_to_bytes(labels: &[Label]) -> Result<Vec<u8>, FormatError> {
     let mut bytes = (labels.len() as u64).to_le_bytes().to_vec();
     for label in labels {
@@ -93,10 +93,10 @@ pub(crate) fn table_to_bytes(labels: &[Label]) -> Result<Vec<u8>, FormatError> {
     Ok(bytes)
 }
 
-/// The labels of a table's section; `voxels` are those of the volume.
+/// Parses the section of the table; `voxels` is the number of voxels of the volume.
 ///
 /// # Errors
-/// It is cut short or too long, labels do not rise, or one has no voxel or more than there are.
+/// It is cut short or too long, numbers of labels do not rise, or a label has no voxel or more than there are.
 pub(crate) fn parse_table(bytes: &[u8], voxels: u64) -> Result<Vec<Label>, FormatError> {
     let table = || {
         let (count, mut rest) = bytes.split_first_chunk::<8>()?;
@@ -124,19 +124,19 @@ pub(crate) fn parse_table(bytes: &[u8], voxels: u64) -> Result<Vec<Label>, Forma
     table().ok_or(FormatError::LabelTable { bytes: bytes.len() as u64 })
 }
 
-/// Bytes of the directory of so many cells.
+/// Bytes of the directory for this many cells.
 pub(crate) fn directory_bytes(cells: u64) -> u64 {
     cells.div_ceil(GROUP as u64).saturating_mul(ENTRY as u64)
 }
 
-/// Most labels whose places in the table, and that of none, are bytes.
+/// Most labels for which indices in the table, and 0 for background, fit a byte.
 const BYTE_PLACES: usize = 255;
 
 /// Bytes of an item before it is coded: the numbers behind and in front.
 pub(crate) const ITEM_BYTES: usize = 4;
 
-/// The entries of palettes: the labels behind and in front of a cell's plane, by their places in the table from 1 on, 0
-/// for none.
+/// Form of palette entries: the labels behind and in front of a cell's plane, as indices in the table from 1 on, 0 for
+/// background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LabelForm {
     /// Bytes of an entry: 2 or 4.
@@ -144,12 +144,12 @@ pub(crate) struct LabelForm {
 }
 
 impl LabelForm {
-    /// The entries of a model with so many labels.
+    /// The form for a model with this many labels.
     pub(crate) fn of(labels: usize) -> Self {
         Self { bytes: if labels > BYTE_PLACES { 4 } else { 2 } }
     }
 
-    /// The entry of an item, by a table; `None` if a number is not there.
+    /// The entry of an item; `None` if the table lacks a number.
     pub(crate) fn entry(self, item: &[u8], table: &[Label]) -> Option<u32> {
         let number = |at: usize| item.get(at..)?.first_chunk().map(|b| u16::from_le_bytes(*b));
         let place = |number| match number {
@@ -161,7 +161,7 @@ impl LabelForm {
         Some(behind | front << (4 * self.bytes))
     }
 
-    /// The numbers of an entry: behind and in front; `None` if the table has not all of them.
+    /// The numbers of an entry: behind and in front; `None` if the table lacks one of them.
     pub(crate) fn numbers(self, entry: u32, table: &[Label]) -> Option<[u16; 2]> {
         let number = |place: u32| match place.checked_sub(1) {
             None => Some(0),
@@ -190,7 +190,7 @@ impl LabelForm {
     }
 
     /// Codes the entries of a group, at most 512, whose bytes begin at `at` of the section: appends them to `out` and
-    /// gives the entry of the directory.
+    /// returns the entry of the directory.
     pub(crate) fn encode_group(self, labels: &[u32], at: u64, out: &mut Vec<u8>) -> [u8; ENTRY] {
         let mut entry = [0; ENTRY];
         entry[..8].copy_from_slice(&at.to_le_bytes());
@@ -233,8 +233,8 @@ impl LabelForm {
         entry
     }
 
-    /// The entries of a group of `voxels`, of the bytes behind its place; `None` if a palette is not one, or bytes are
-    /// missing. Gives the bytes used, too.
+    /// Decodes the entries of a group of `voxels` from the bytes at its offset; `None` if a palette is invalid, or
+    /// bytes are missing. Also returns the number of bytes used.
     pub(crate) fn decode_group(
         self,
         sizes: &[u8; BLOCKS],
@@ -272,7 +272,7 @@ impl LabelForm {
     }
 }
 
-/// Bits of a voxel's place in a palette of `labels`.
+/// Bits of a voxel's index in a palette of `labels`.
 const fn width(labels: usize) -> usize {
     match labels {
         0 | 1 => 0,
@@ -282,7 +282,7 @@ const fn width(labels: usize) -> usize {
     }
 }
 
-/// A voxel's place in the palette of its block.
+/// Index of a voxel's entry in the palette of its block.
 fn place_of(places: &[u8], voxel: usize, bits: usize) -> usize {
     let at = voxel * bits;
     let byte = places.get(at / 8).copied().unwrap_or(0);
@@ -303,13 +303,13 @@ impl<'a> LabelItems<'a> {
         Self { section, cells, table, form: LabelForm::of(table.len()) }
     }
 
-    /// Number of the greatest label of a cell; `None` beyond the last.
+    /// Number of the greatest label of a cell; `None` past the last cell.
     #[inline]
     pub fn get(&self, cell: u64) -> Option<u16> {
         self.pair(cell).map(|[label, _]| label)
     }
 
-    /// Numbers of the labels behind and in front of a cell's plane, 0 for none (SPEC 4.12).
+    /// Numbers of the labels behind and in front of a cell's plane, 0 for background (SPEC 4.12).
     pub(crate) fn pair(&self, cell: u64) -> Option<[u16; 2]> {
         if cell >= self.cells {
             return None;

@@ -1,4 +1,4 @@
-//! The metadata record (SPEC 4.4): the only module that knows how it is encoded.
+//! The metadata record (SPEC 4.4); the encoding is private to this module.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,21 +8,21 @@ use crate::geom::Dims;
 /// Longest metadata section.
 pub(crate) const METADATA_LIMIT: usize = 1 << 20;
 
-/// Where the voxels came from.
+/// Origin of the voxels.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SourceMeta {
     /// Kind of source: dicom, raw, nrrd, mesh, csg, synthetic, ...
     pub format: String,
-    /// The kind of image, and what was done to it; never what the input is called.
+    /// The kind of image and its processing; never the name of the input.
     pub kind: String,
-    /// Files read.
+    /// Number of files read.
     pub files: u64,
     /// Bytes of the volume as a raw file.
     pub bytes: u64,
 }
 
-/// How the range was chosen.
+/// Method that chose the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -35,10 +35,10 @@ pub enum SelectionKind {
     Otsu,
 }
 
-/// Which values are inside, in physical units: `lo <= value <= hi`.
+/// Range of the inside values, in physical units: `lo <= value <= hi`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
-    /// How it was chosen.
+    /// Method that chose it.
     pub kind: SelectionKind,
     /// Lowest inside value.
     pub lo: f64,
@@ -46,7 +46,7 @@ pub struct Selection {
     pub hi: f64,
 }
 
-/// Everything in a file that is not structure or channel.
+/// Data of a file besides structure and channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     /// Writer and version.
@@ -61,23 +61,24 @@ pub struct Metadata {
     pub spacing_mm: [f64; 3],
     /// Voxel index to LPS mm, three rows of four.
     pub affine: [[f64; 4]; 3],
-    /// Slope and intercept.
+    /// Slope and intercept of the rescale.
     pub rescale: [f64; 2],
-    /// What is inside.
+    /// Selection of the inside values.
     pub selection: Selection,
-    /// 26 or 6.
+    /// Connectivity of the skin: 26 or 6.
     pub connectivity: u8,
     /// Estimator of the normals; empty without them.
     pub gradient: String,
     /// Scale and offset of stored values.
     pub value_scale: [f64; 2],
-    /// How far larger leaves may be from the surface, and are; of models that have them (SPEC 4.9).
+    /// Bound on the distance of larger leaves from the surface, and measured distances; only with larger leaves (SPEC
+    /// 4.9).
     pub error: Option<ErrorBound>,
-    /// Noise of the volume; of models with a steepness (SPEC 4.14).
+    /// Noise of the volume; only with a steepness (SPEC 4.14).
     pub noise: Option<Noise>,
 }
 
-/// Noise of a volume, in its physical units: what is known of how sure a surface is.
+/// Noise of a volume, in its physical units: basis of the uncertainty of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Noise {
@@ -92,7 +93,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Bytes of its record.
+    /// Length of the record in bytes.
     const BYTES: usize = 48;
 
     fn to_bytes(self) -> impl Iterator<Item = u8> {
@@ -106,7 +107,7 @@ impl Noise {
         Self { inside, outside, correlation: [x, y, z], steepness }
     }
 
-    /// Is it possible?
+    /// True if all numbers are in their ranges.
     pub(crate) fn is_sound(&self) -> bool {
         let is_size = |v: f64| (0.0..f64::INFINITY).contains(&v);
         let parts = self.correlation.iter().all(|part| (0.0..1.0).contains(part));
@@ -114,23 +115,23 @@ impl Noise {
     }
 }
 
-/// How far larger leaves may lie from the cells in whose place they are, and how far they do, in voxels of the finest
-/// spacing.
+/// Bound on the distance of larger leaves from the cells that they replace, and measured distances, in voxels of the
+/// finest spacing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ErrorBound {
-    /// No crossing of a cell's edge is farther from the leaf.
+    /// Bound on the distance of every crossing of a cell's edge from the leaf.
     pub bound: f64,
-    /// Root mean square of the distances of all crossings, those of cells that stayed included (0).
+    /// Root mean square of the distances of all crossings; crossings of cells that stayed count as 0.
     pub rms: f64,
-    /// 99th percentile of them.
+    /// 99th percentile of the distances.
     pub p99: f64,
-    /// The greatest, also of leaves where they end from the nearest cell's surface.
+    /// Greatest distance; also covers the ends of leaves, measured from the nearest cell's surface.
     pub most: f64,
 }
 
 impl ErrorBound {
-    /// Bytes of its record.
+    /// Length of the record in bytes.
     const BYTES: usize = 32;
 
     fn to_bytes(self) -> impl Iterator<Item = u8> {
@@ -143,7 +144,7 @@ impl ErrorBound {
         Self { bound, rms, p99, most }
     }
 
-    /// Is it possible?
+    /// True if all numbers are in their ranges.
     pub(crate) fn is_sound(&self) -> bool {
         let rising = [0.0, self.rms, self.most, f64::MAX];
         self.bound > 0.0
@@ -170,24 +171,25 @@ struct Wire {
     value_scale: [f64; 2],
 }
 
-/// The words around the place in [`SourceMeta::kind`] of a model that keeps only what can be seen from it.
+/// Marks around the viewpoints in [`SourceMeta::kind`] of a model that keeps only its visible part.
 const SEEN_FROM: [&str; 2] = [" [visible-from ", "]"];
 
 impl Metadata {
-    /// Notes that the model keeps only what can be seen from these places, behind the name of the source, as all that
-    /// was done to a volume.
+    /// Notes that the model keeps only the part visible from these viewpoints, behind the name of the source, like all
+    /// processing of a volume.
     pub(crate) fn note_seen_from(&mut self, places: &str) {
         let [before, behind] = SEEN_FROM;
         self.source.kind.push_str(&format!("{before}{places}{behind}"));
     }
 
-    /// From where what the model keeps can be seen; `None` for a whole model. A part does not tell what is inside.
+    /// Viewpoints of a model that keeps only its visible part; `None` for a whole model. Such a model does not
+    /// determine the inside.
     pub(crate) fn seen_from(&self) -> Option<&str> {
         let [before, behind] = SEEN_FROM;
         self.source.kind.strip_suffix(behind)?.rsplit_once(before).map(|(_, places)| places)
     }
 
-    /// The record of a solid without samples: voxels of 1 mm, as of a volume that is 1 inside and 0 outside.
+    /// The record of a solid without samples: voxels of 1 mm, as for a volume that is 1 inside and 0 outside.
     pub fn of_grid(dims: Dims, kind: &str) -> Self {
         Self {
             program: String::new(),
@@ -206,10 +208,10 @@ impl Metadata {
         }
     }
 
-    /// The record's bytes.
+    /// Bytes of the record.
     ///
     /// # Errors
-    /// Strings so long that the record passes `METADATA_LIMIT`.
+    /// Strings are so long that the record passes `METADATA_LIMIT`.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FormatError> {
         let wire = Wire {
             program: self.program.clone(),
@@ -246,7 +248,7 @@ impl Metadata {
             .with_limit::<METADATA_LIMIT>();
         let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
             .map_err(|_| FormatError::MetadataUnreadable { bytes: bytes.len() as u64 })?;
-        // Records that follow are told apart by their lengths.
+        // The records that follow are distinguished by their lengths.
         let rest = bytes.get(used..).unwrap_or_default();
         let (error, left) = match rest.split_first_chunk() {
             Some((record, left)) if rest.len() != Noise::BYTES => (Some(ErrorBound::parse(record)), left),

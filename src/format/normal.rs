@@ -19,7 +19,7 @@ pub fn decode_l1(code: u16) -> [i32; 3] {
     if z < 0 { [fold_u, fold_v, z] } else { [u, v, z] }
 }
 
-/// The code of the opposite vector, which there is for every code.
+/// The code of the opposite vector, which exists for every code.
 pub(crate) fn negated(code: u16) -> u16 {
     let [x, y, z] = decode_l1(code).map(|c| -c);
     let fold = |across: i32, sign: i32| if sign < 0 { across.abs() - SCALE } else { SCALE - across.abs() };
@@ -35,8 +35,8 @@ pub fn decode(code: u16) -> [f32; 3] {
     v.map(|c| c / length)
 }
 
-/// Nearest code of a direction (any length, not zero, finite): of the four codes around the exact
-/// point, the one whose direction is closest.
+/// Nearest code of a direction (any length, not zero, finite): the one with the closest direction among the four codes
+/// around the exact point.
 ///
 /// Written without branches, so that loops over it vectorise.
 #[inline(always)]
@@ -46,7 +46,7 @@ pub fn encode(direction: [f32; 3]) -> u16 {
     nearest(unit, [u0, next_step(u0)], [v0, next_step(v0)])
 }
 
-/// A direction scaled to L1 length 1, and where it lies in the map, within [`SCALE`].
+/// A direction scaled to L1 length 1, and its coordinates in the map, within [`SCALE`].
 #[inline(always)]
 fn chart(direction: [f32; 3]) -> ([f32; 3], f32, f32) {
     let [x, y, z] = direction;
@@ -54,13 +54,13 @@ fn chart(direction: [f32; 3]) -> ([f32; 3], f32, f32) {
     let unit = [x / l1, y / l1, z / l1];
     let (fold_u, fold_v) = ((1.0 - unit[1].abs()).copysign(unit[0]), (1.0 - unit[0].abs()).copysign(unit[1]));
     let below = unit[2] < 0.0;
-    // Neither exceeds SCALE: l1 is at least as large as each of its terms.
+    // Both are at most SCALE: l1 is at least as large as each of its terms.
     let u = if below { fold_u } else { unit[0] } * SCALE_F32;
     let v = if below { fold_v } else { unit[1] } * SCALE_F32;
     (unit, u, v)
 }
 
-/// The code of four whose direction is closest.
+/// The code with the closest direction of four.
 #[inline(always)]
 fn nearest(unit: [f32; 3], [u0, u1]: [f32; 2], [v0, v1]: [f32; 2]) -> u16 {
     let mut best = Candidate::new(unit, u0, v0);
@@ -72,7 +72,7 @@ fn nearest(unit: [f32; 3], [u0, u1]: [f32; 2], [v0, v1]: [f32; 2]) -> u16 {
     low_byte(best.u) | low_byte(best.v) << 8
 }
 
-/// Code of a mean: of the sum of [`decode_l1`] of some codes, or their first code where that is zero.
+/// Code of a mean: encodes the sum of [`decode_l1`] of some codes, or returns their first code where the sum is zero.
 #[inline]
 pub fn mean(sum: [i64; 3], first: u16) -> u16 {
     if sum == [0; 3] {
@@ -156,7 +156,7 @@ mod tests {
         let n = 200_000;
         let (mut sum, mut worst) = (0.0, 0.0_f64);
         for i in 0..n {
-            // Fibonacci sphere: even cover without a random generator.
+            // Fibonacci sphere: even coverage without a random generator.
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
             let phi = f64::from(i) * 2.399_963_229_728_653;
             let r = (1.0 - z * z).sqrt();

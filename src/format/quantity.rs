@@ -1,11 +1,11 @@
-//! The quantity that the values of a model are (SPEC 4.13), and its code in `VALU`.
+//! The measured quantity of a model's values (SPEC 4.13), and its coding in `VALU`.
 
 use super::error::FormatError;
 
 /// Longest name, unit or sign note, in bytes.
 const MAX_TEXT: u64 = 200;
 
-/// How values become colours.
+/// Map from values to colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -16,7 +16,7 @@ pub enum ColorMap {
     Sequential,
 }
 
-/// A measured quantity: one value per voxel or cell, or none.
+/// A measured quantity: at most one value per voxel or cell.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Quantity {
@@ -35,8 +35,8 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Slope and intercept of stored values: the greatest magnitude of signed values, or the greatest value of others,
-    /// is `extent`.
+    /// Slope and intercept of stored values, such that `extent` is the greatest magnitude of signed values, or the
+    /// greatest value of others.
     pub(crate) fn scale(&self, extent: f64) -> [f64; 2] {
         let extent = extent.max(f64::MIN_POSITIVE * 65_536.0);
         match self.map {
@@ -45,7 +45,7 @@ impl Quantity {
         }
     }
 
-    /// Content of the section.
+    /// Bytes of the section.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = vec![self.map as u8, u8::from(self.tolerance.is_some()), 0, 0, 0, 0, 0, 0];
         let [tolerance, range] = [self.tolerance.unwrap_or_default(), self.range];
@@ -57,7 +57,7 @@ impl Quantity {
         bytes
     }
 
-    /// Reads a section, which must be filled exactly.
+    /// Parses a section, which must be filled exactly.
     ///
     /// # Errors
     /// Unknown codes, ranges that are not finite or do not rise, texts that are too long or cut.
@@ -119,7 +119,7 @@ const SEQUENTIAL: [[u8; 3]; 10] = [
 ];
 
 impl ColorMap {
-    /// Colour (sRGB) at a part of the way from the lowest to the highest value; beyond both ends theirs.
+    /// Colour (sRGB) at a fraction of the way from the lowest to the highest value, clamped at both ends.
     pub(crate) fn color(self, part: f64) -> [u8; 3] {
         let stops: &[[u8; 3]] = if self == Self::Diverging { &DIVERGING } else { &SEQUENTIAL };
         let last = stops.len() - 1;
@@ -138,7 +138,7 @@ impl ColorMap {
     }
 }
 
-/// Colours of stored values.
+/// Colouring of stored values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueColors {
     map: ColorMap,
@@ -151,7 +151,7 @@ impl ValueColors {
     /// Colour (sRGB) of cells without a value.
     pub(crate) const NONE: [u8; 3] = [128; 3];
 
-    /// For values of this slope and intercept, with another map or range than the quantity's if that is asked for.
+    /// Colours for values of this slope and intercept, with the requested map and range, or else the quantity's own.
     pub(crate) fn new(
         quantity: &Quantity,
         scale: [f64; 2],
@@ -183,7 +183,7 @@ pub(crate) fn stored_value(value: Option<f64>, [slope, intercept]: [f64; 2]) -> 
     value.map_or(0, |code| code.round().clamp(1.0, 65_535.0) as u16)
 }
 
-/// The value of a stored one; none for 0.
+/// The value of a stored one; `None` for 0.
 pub(crate) fn measured_value(stored: u16, [slope, intercept]: [f64; 2]) -> Option<f64> {
     (stored > 0).then(|| slope * f64::from(stored) + intercept)
 }

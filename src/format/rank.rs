@@ -1,11 +1,11 @@
-//! The rank directory (SPEC 4.5): how a pointerless octree finds its children.
+//! The rank directory (SPEC 4.5), by which a pointerless octree finds its children.
 
 /// Nodes per superblock.
 pub(crate) const SUPER_NODES: u64 = 8192;
 /// Nodes per block.
 pub(crate) const BLOCK_NODES: u64 = 32;
 
-/// The same as indices into memory.
+/// [`SUPER_NODES`] and [`BLOCK_NODES`] as indices into memory.
 const SUPER: usize = 8192;
 const BLOCK: usize = 32;
 const _: () = assert!(SUPER as u64 == SUPER_NODES && BLOCK as u64 == BLOCK_NODES);
@@ -70,9 +70,9 @@ pub fn directory(infobytes: &[u8]) -> Vec<u8> {
     supers
 }
 
-/// Set bits in `infobytes[..node]`, by the directory. Any bytes are safe: what lies outside counts 0.
+/// Number of set bits in `infobytes[..node]`, by the directory. Any bytes are safe: missing ones count 0.
 ///
-/// Always inlined, so that a caller compiled with population count has it here, too.
+/// Always inlined, so that a caller compiled with population count gets it here as well.
 #[inline(always)]
 pub(crate) fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
     let Ok(at) = usize::try_from(node) else { return 0 };
@@ -86,13 +86,13 @@ pub(crate) fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
     base.wrapping_add(block).wrapping_add(partial_block(infobytes, at))
 }
 
-/// Where in a directory for `nodes` nodes the entry of the block of node `at` stands.
+/// Offset in a directory for `nodes` nodes of the entry of node `at`'s block.
 #[inline(always)]
 pub(crate) fn block_entry(nodes: usize, at: usize) -> usize {
     nodes.div_ceil(SUPER) * 8 + at / BLOCK * 2
 }
 
-/// A block of ones, then one of zeros: from its middle on towards the start, masks of what lies before a node.
+/// A block of ones, then one of zeros: a block read from its middle or earlier is the mask of the bytes before a node.
 const BEFORE: [u8; 2 * BLOCK] = {
     let mut masks = [0; 2 * BLOCK];
     let mut at = 0;
@@ -103,13 +103,13 @@ const BEFORE: [u8; 2 * BLOCK] = {
     masks
 };
 
-/// Set bits in the infobytes of `at`'s block before `at`.
+/// Number of set bits in the infobytes of `at`'s block before `at`.
 #[inline(always)]
 fn partial_block(infobytes: &[u8], at: usize) -> u64 {
     let start = at & !(BLOCK - 1);
     let within = at - start;
     if let Some(block) = infobytes.get(start..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
-        // Bits of each word that lie before `within`: all, some or none, without a branch.
+        // Bits of each word before `within`: all, some or none, without a branch.
         let masks =
             BEFORE.get(BLOCK - within..).and_then(|rest| rest.first_chunk::<BLOCK>()).unwrap_or(&[0; BLOCK]);
         let mut ones = 0;

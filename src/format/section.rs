@@ -35,7 +35,7 @@ impl SectionKind {
         matches!(self, Self::Meta | Self::LabelTable | Self::Quantity | Self::Levels)
     }
 
-    /// The channel whose items or means the section holds.
+    /// The channel of the section's items or means.
     pub(crate) fn channel(self) -> Option<Channel> {
         match self {
             Self::Means(channel) | Self::Voxels(channel) => Some(channel),
@@ -43,12 +43,12 @@ impl SectionKind {
         }
     }
 
-    /// Does it describe larger leaves?
+    /// True for a section of larger leaves.
     pub(crate) fn is_of_leaves(self) -> bool {
         matches!(self, Self::LeafNormals | Self::LeafOffsets | Self::LeafRank)
     }
 
-    /// The four ASCII bytes.
+    /// Tag of four ASCII bytes.
     pub fn tag(self) -> [u8; 4] {
         match self {
             Self::Meta => *b"META",
@@ -105,17 +105,17 @@ impl SectionKind {
 pub struct SectionEntry {
     /// The kind of section; `None` for a kind of a later minor version.
     pub kind: Option<SectionKind>,
-    /// The four ASCII bytes as found.
+    /// Tag of four ASCII bytes, as found.
     pub tag: [u8; 4],
     /// Codec of the stored bytes (SPEC 5); 0 for plain bytes.
     pub codec: u8,
     /// Bytes per item.
     pub item_bytes: u8,
-    /// Where the stored bytes begin.
+    /// Offset of the stored bytes.
     pub offset: u64,
-    /// Bytes in the file.
+    /// Length of the stored bytes.
     pub stored_bytes: u64,
-    /// Bytes after decoding.
+    /// Length after decoding.
     pub content_bytes: u64,
     /// Number of items.
     pub items: u64,
@@ -143,7 +143,7 @@ impl SectionEntry {
         }
     }
 
-    /// First byte after the stored bytes.
+    /// Offset past the stored bytes.
     pub fn end(&self) -> u64 {
         self.offset.saturating_add(self.stored_bytes)
     }
@@ -193,8 +193,8 @@ pub fn table_bytes(entries: &[SectionEntry]) -> Vec<u8> {
 /// Reads and checks the section table that follows `header` in `bytes` (the file from its start, at
 /// least as far as the table's end).
 ///
-/// Checks the table's CRC, that sections tile the file as SPEC 3 says, and that kinds are known at
-/// most once and in order. What each section must hold is checked by the loader.
+/// Checks the table's CRC, that sections tile the file as SPEC 3 states, and that kinds are known, in order and not
+/// repeated. The loader checks the content of each section.
 ///
 /// # Errors
 /// The first rule that is broken.

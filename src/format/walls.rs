@@ -1,19 +1,19 @@
-//! Cells between labels (SPEC 4.12): planes that part the samples of a cell, and the label of each part.
+//! Cells between labels (SPEC 4.12): planes that separate the samples of a cell, and the label of each part.
 
 use super::cell::{CORNERS, Plane, at_corner};
 use super::normal;
 
-/// Labels of the samples of a cell, by corner; 0 for none.
+/// Labels of the samples of a cell, by corner; 0 for background.
 pub(crate) type CornerLabels = [u16; CORNERS];
 
-/// Bytes of the item of a cell that one plane does not part: the labels of its corners, and a second plane.
+/// Bytes of the item of a cell that one plane does not separate: the labels of its corners, and a second plane.
 pub(crate) const WALL_BYTES: usize = 20;
-/// Where the second plane begins: offsets of both planes, then the code of its normal.
+/// Position of the second plane: offsets of both planes, then the code of its normal.
 const SECOND: usize = 2 * CORNERS;
-/// The offset in the place of the first plane's of a cell that is parted into octants.
+/// Mark of a cell divided into octants, instead of the first plane's offset.
 const OCTANTS: i8 = i8::MIN;
-/// The offset of a plane between two labels, by what is stored: one more than it, so that an odd number says that there is
-/// a label on either side.
+/// The offset of a plane between two labels from its stored form, which is one more, and so odd, where a label lies on
+/// either side.
 #[inline(always)]
 pub(crate) fn wall_offset(stored: i8) -> i8 {
     stored & !1
@@ -27,15 +27,15 @@ const MAX_PLANES: usize = 3;
 pub struct Walls {
     planes: [Plane; MAX_PLANES],
     count: usize,
-    /// By the planes that a point is in front of, as bits.
+    /// Labels, indexed by the mask of planes that a point is in front of.
     labels: [u16; CORNERS],
 }
 
-/// How a cell of more than two labels, or of two that no plane parts, is described.
+/// Item of a cell with more than two labels, or with two that no plane separates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WallItem {
     pub(crate) labels: CornerLabels,
-    /// The offset of the first plane, and the second one: it parts what is in front of the first.
+    /// Offset of the first plane, and the second plane, which divides the front of the first.
     pub(crate) planes: Option<(i8, u16, i8)>,
 }
 
@@ -58,7 +58,7 @@ impl WallItem {
         Self { labels, planes: (first != OCTANTS).then_some((first, code, second)) }
     }
 
-    /// Is an item impossible, whatever the cell's normal is (SPEC I14)?
+    /// True for an item that is impossible with any normal of the cell (SPEC I14).
     pub(crate) fn is_illegal(bytes: &[u8; WALL_BYTES]) -> bool {
         let Self { labels, planes } = Self::parse(bytes);
         labels.iter().all(|label| *label == labels[0])
@@ -73,12 +73,12 @@ impl WallItem {
             }
     }
 
-    /// The same of one label alone, and none around it.
+    /// The item of one label alone, with background around it.
     fn alone(self, label: u16) -> Self {
         Self { labels: self.labels.map(|other| if other == label { label } else { 0 }), ..self }
     }
 
-    /// The greatest and the least label, as they stand in the place of a pair.
+    /// The greatest and the least label, as stored instead of a pair.
     pub(crate) fn pair(&self) -> [u16; 2] {
         let ends = |(low, high): (u16, u16), label: &u16| (low.min(*label), high.max(*label));
         let (low, high) = self.labels.iter().fold((u16::MAX, 0), ends);
@@ -86,7 +86,7 @@ impl WallItem {
     }
 }
 
-/// What is stored of a cell between labels: the code of its normal, its offset, and its item if it has one.
+/// Stored form of a cell between labels: the code of its normal, its offset, and its item if it has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WallCode {
     pub(crate) code: u16,
@@ -95,7 +95,8 @@ pub(crate) struct WallCode {
 }
 
 impl WallCode {
-    /// The labels of the cell, rising, each once and none left out; `pair` are those behind and in front of a plane.
+    /// The distinct labels of the cell in rising order, without 0; `pair` holds the labels behind and in front of a
+    /// plane.
     pub(crate) fn labels(&self, [behind, front]: [u16; 2]) -> impl Iterator<Item = u16> {
         let mut all = self.item.map_or([front, behind, 0, 0, 0, 0, 0, 0], |item| item.labels);
         all.sort_unstable();
@@ -103,15 +104,15 @@ impl WallCode {
         all.into_iter().filter(move |label| std::mem::replace(&mut last, *label) != *label)
     }
 
-    /// The same cell of one of its labels alone, by the same walls: what is behind its plane has the label. `behind` is
-    /// the label behind the plane of this one.
+    /// The same cell for one of its labels alone, with the same walls: the label is behind the plane. `behind` is the
+    /// label behind the plane of this cell.
     pub(crate) fn alone(&self, label: u16, behind: u16) -> Self {
         let Some(item) = self.item.map(|item| item.alone(label)) else {
             let plane = Self { offset: wall_offset(self.offset), ..*self };
             return if behind == label { plane } else { plane.turned() };
         };
         let Some((first, ..)) = item.planes else { return Self { item: Some(item), ..*self } };
-        // By the second plane there may be no wall any more.
+        // The second plane may no longer separate anything.
         let walls = Walls::of_item(self.code, &item);
         let [behind, near, far] = [0b00, 0b01, 0b11].map(|part| walls.label(part));
         let plane = Self { offset: first, item: None, ..*self };
@@ -122,14 +123,14 @@ impl WallCode {
         }
     }
 
-    /// The same plane with its other side behind.
+    /// The same plane, turned.
     fn turned(self) -> Self {
         Self { code: normal::negated(self.code), offset: self.offset.saturating_neg(), item: self.item }
     }
 }
 
 impl Walls {
-    /// Two labels, behind a plane and in front of it.
+    /// Walls of two labels, behind a plane and in front of it.
     #[inline]
     pub(crate) fn of_pair(plane: Plane, [behind, front]: [u16; 2]) -> Self {
         let mut labels = [behind; CORNERS];
@@ -137,10 +138,10 @@ impl Walls {
         Self { planes: [plane; MAX_PLANES], count: 1, labels }
     }
 
-    /// The walls of an item, of a cell with this normal.
+    /// The walls of the item of a cell with this normal.
     pub(crate) fn of_item(code: u16, item: &WallItem) -> Self {
         let Some((first, second, offset)) = item.planes else {
-            // The label of the nearest corner.
+            // Octants have the label of the nearest corner.
             let planes = std::array::from_fn(|a| {
                 let mut normal = [0; 3];
                 normal[a] = normal::SCALE;
@@ -153,20 +154,20 @@ impl Walls {
         let is_front = |plane: &Plane, corner| at_corner(plane.normal, corner) > plane.offset;
         for (corner, label) in item.labels.iter().enumerate() {
             let part = usize::from(is_front(&first, corner)) | usize::from(is_front(&second, corner)) << 1;
-            // Behind the first plane the second one does not count.
+            // Behind the first plane the second one has no effect.
             labels[if part == 2 { 0 } else { part }] = *label;
         }
         labels[2] = labels[0];
         Self { planes: [first, second, second], count: 2, labels }
     }
 
-    /// The planes; the label changes nowhere else.
+    /// The planes; labels only change at them.
     #[inline]
     pub fn planes(&self) -> &[Plane] {
         self.planes.get(..self.count).unwrap_or_default()
     }
 
-    /// The label of a part: bit i of `fronts` says that it is in front of plane i.
+    /// The label of a part: bit i of `fronts` is set in front of plane i.
     #[inline]
     pub(crate) fn label(&self, fronts: usize) -> u16 {
         self.labels[fronts % CORNERS]
@@ -178,14 +179,15 @@ impl Walls {
         self.label(self.corner_fronts(corner))
     }
 
-    /// The planes that a corner is in front of, as bits.
+    /// Mask of the planes that a corner is in front of.
     #[inline]
     pub(crate) fn corner_fronts(&self, corner: usize) -> usize {
         let front = |plane: &Plane| usize::from(at_corner(plane.normal, corner) > plane.offset);
         self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i)
     }
 
-    /// Is there a corner behind the first plane, and in front of it on either side of a second one? So all parts have a label.
+    /// True if corners lie behind the first plane, and in front of it on both sides of a second one, so that all parts
+    /// have a label.
     pub(crate) fn has_all_parts(&self) -> bool {
         let parts = (0..CORNERS).fold(0_u32, |parts, corner| parts | 1 << self.corner_fronts(corner));
         self.count != 2 || (parts & 0b0101 != 0 && parts & 0b1010 == 0b1010)
@@ -196,7 +198,7 @@ impl Walls {
         self.label(self.fronts(u))
     }
 
-    /// Where a line from a point crosses planes, in parts of `way`, rising.
+    /// Crossings of a line from a point with the planes, in multiples of `way`, rising.
     pub(crate) fn crossings(&self, u: [f64; 3], way: [f64; 3]) -> Vec<f64> {
         let along = |plane: &Plane| (0..3).map(|a| f64::from(plane.normal[a]) * way[a]).sum::<f64>();
         let mut found: Vec<f64> = self.planes().iter().map(|plane| -ahead(plane, u) / along(plane)).collect();
@@ -205,14 +207,14 @@ impl Walls {
         found
     }
 
-    /// The planes that a point is in front of, as bits.
+    /// Mask of the planes that a point is in front of.
     fn fronts(&self, u: [f64; 3]) -> usize {
         let front = |plane: &Plane| usize::from(ahead(plane, u) > 0.0);
         self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i)
     }
 
-    /// The wall that a ray in this direction meets at a point: the label behind it, as the ray goes on, and the direction
-    /// out of that label, of any length. Points are at most `near` off the wall, in the cell's coordinates.
+    /// The wall that a ray in this direction meets at a point: the label behind the wall along the ray, and the
+    /// direction out of that label, of any length. Points are at most `near` off the wall, in the cell's coordinates.
     pub fn met(&self, u: [f64; 3], direction: [f64; 3], near: f64) -> (u16, [f64; 3]) {
         let along =
             |plane: &Plane, v: [f64; 3]| (0..3).map(|a| f64::from(plane.normal[a]) * v[a]).sum::<f64>();
@@ -224,7 +226,7 @@ impl Walls {
         };
         let fronts = self.planes().iter().enumerate().map(on).fold(0, |fronts, bit| fronts | bit);
         let label = self.label(fronts);
-        // Of the planes beyond which there is another label, the nearest.
+        // The nearest of the planes with another label on their other side.
         let walls = self.planes().iter().enumerate().filter(|(i, _)| self.label(fronts ^ (1 << i)) != label);
         let distance = |plane: &Plane| ahead(plane, u).abs() / length(plane);
         let nearest = walls.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
@@ -236,7 +238,7 @@ impl Walls {
     }
 }
 
-/// How far a point is in front of a plane.
+/// Signed distance of a point in front of a plane, times the normal's length.
 fn ahead(plane: &Plane, u: [f64; 3]) -> f64 {
     (0..3).map(|a| f64::from(plane.normal[a]) * u[a]).sum::<f64>() - f64::from(plane.offset)
 }
@@ -245,7 +247,7 @@ fn ahead(plane: &Plane, u: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Every point of a cell has the label in the cell of that label alone, and no label in the others.
+    /// Every point of a cell has the label in the cell of that label alone, and background in the others.
     #[test]
     fn a_label_alone_has_its_part_of_a_cell() {
         let code = normal::encode([0.6, -0.3, 0.5]);
@@ -293,7 +295,7 @@ mod tests {
     fn items_come_back_and_part_their_corners() {
         let x = normal::encode([1.0, 0.0, 0.0]);
         let y = normal::encode([0.0, 1.0, 0.0]);
-        // 7 at low x; of the rest 3 at low y, none at high y.
+        // 7 at low x; in the rest 3 at low y, background at high y.
         let labels = [7, 3, 7, 0, 7, 3, 7, 0];
         let two = WallItem { labels, planes: Some((-20, y, 10)) };
         let octants = WallItem { labels: [1, 2, 3, 4, 5, 6, 7, 65_535], planes: None };
@@ -310,7 +312,7 @@ mod tests {
         }
         assert_eq!((two.pair(), octants.pair()), ([7, 0], [65_535, 1]));
         let walls = Walls::of_item(x, &two);
-        // From the front of both planes into 7, and from 3 out into none.
+        // From the front of both planes into 7, and from 3 out into background.
         let at = f64::from(-20_i8) / 127.0;
         assert_eq!(walls.met([at, 0.5, 0.0], [-1.0, 0.0, 0.0], 1e-9), (7, [127.0, 0.0, 0.0]));
         assert_eq!(walls.met([at, 0.5, 0.0], [1.0, 0.0, 0.0], 1e-9), (0, [-127.0, 0.0, 0.0]));

@@ -6,19 +6,19 @@ use std::str::FromStr;
 
 /// Affine map from a voxel index (centres at integers) to LPS millimetres: `world = m * [x, y, z, 1]`.
 ///
-/// Anisotropic spacing, gantry tilt and oblique axes live here; voxels are never resampled for them
-/// (the paper, section 3.4: transforms touch only the box).
+/// Includes anisotropic spacing, gantry tilt and oblique axes; voxels are never resampled for them (the paper, section
+/// 3.4: transforms touch only the box).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     /// Rows of the 3 x 4 matrix; the last column is the position of voxel (0, 0, 0) in mm.
     pub rows: [[f64; 4]; 3],
 }
 
-/// Shortest and longest step in mm of an affine that has an inverse: far beyond atoms and planets, and near enough
-/// for products of three to be exact to the last digits.
+/// Shortest and longest step in mm of an affine that has an inverse: well beyond any real volume, and narrow enough for
+/// products of three to be exact to the last digits.
 const STEPS: RangeInclusive<f64> = 1e-15..=1e15;
 
-/// Times that one step may be as long as another: beyond that no ray meets voxels of both.
+/// Largest ratio of two steps: beyond that no ray meets voxels of both.
 const MAX_UNEVEN: f64 = 1e9;
 
 impl Affine {
@@ -51,14 +51,14 @@ impl Affine {
         self.rows.map(|r| r[0] * index[0] + r[1] * index[1] + r[2] * index[2] + r[3])
     }
 
-    /// The same steps, with index (0, 0, 0) where `index` is here.
+    /// The same steps, with index (0, 0, 0) at the place of `index`.
     pub(crate) fn starting_at(&self, index: [f64; 3]) -> Self {
         let mut moved = *self;
         moved.rows.iter_mut().zip(self.apply(index)).for_each(|(row, at)| row[3] = at);
         moved
     }
 
-    /// Linear part applied to a vector: no translation.
+    /// The linear part applied to a vector, without translation.
     pub fn apply_vector(&self, v: [f64; 3]) -> [f64; 3] {
         self.rows.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2])
     }
@@ -117,8 +117,8 @@ impl Affine {
         Some(Self { rows })
     }
 
-    /// Rows of `B^-T` (SPEC 4.6), B being this affine with columns divided by `frame_mm`: they turn normals along the
-    /// volume's axes into those of the world. `None` as [`Affine::inverse`].
+    /// Rows of `B^-T` (SPEC 4.6), B being this affine with columns divided by `frame_mm`: they map normals along the
+    /// volume's axes to the world's. `None` as [`Affine::inverse`].
     pub(crate) fn normal_rows(&self, frame_mm: [f64; 3]) -> Option<[[f64; 3]; 3]> {
         let mut unit = *self;
         for row in &mut unit.rows {
@@ -140,8 +140,8 @@ impl Affine {
     }
 }
 
-/// Where the three index axes of a headerless volume run, as three letters: `LPS` means x increases
-/// to the patient's Left, y to the Posterior, z to the Superior; `RAI` is the opposite of each.
+/// Directions of the three index axes of a headerless volume, as three letters: `LPS` means x increases to the
+/// patient's Left, y to the Posterior, z to the Superior; `RAI` is the opposite of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(try_from = "String")]
 pub struct Orientation {

@@ -1,5 +1,4 @@
-//! Sines and cosines that are the same on every machine: the system's own differ in the last bit, and with it would
-//! pictures.
+//! Sines and cosines that are the same on every machine: the system's differ in the last bit, and pictures would, too.
 
 /// Sine and cosine of at most some 90 degrees, by their series.
 pub(crate) fn sin_cos_series(degrees: f64) -> [f64; 2] {

@@ -59,7 +59,7 @@ impl Dims {
         self.nx.max(self.ny).max(self.nz).next_power_of_two().trailing_zeros()
     }
 
-    /// Is the voxel inside the volume?
+    /// True for a voxel inside the volume.
     pub fn contains(self, x: u32, y: u32, z: u32) -> bool {
         x < self.nx && y < self.ny && z < self.nz
     }

@@ -1,4 +1,4 @@
-//! Integer boxes and their numbers, Morton codes and affine transforms; knows no file and no voxel value.
+//! Integer boxes and their numbers, Morton codes and affine transforms; independent of files and voxel values.
 //!
 //! Axes: a voxel index is `(x, y, z)` with x fastest in memory; the affine takes an index (voxel
 //! *centres* at integer indices) to millimetres in DICOM's patient system, LPS: +x to the patient's

@@ -6,8 +6,8 @@
 //!                  voxel                 0  1  ...
 //! ```
 //!
-//! Each is one plain integer and costs nothing. A number may lie out of range, because files may say
-//! anything: views answer for every number (SPEC 7).
+//! Each is one plain integer and costs nothing. A number may lie out of range, because files may state any number:
+//! views answer for every number (SPEC 7).
 //!
 //! ```
 //! use infobyte::geom::{BoxIndex, NodeIndex, VoxelIndex};
@@ -52,32 +52,32 @@ impl Octant {
         if number < 8 { Some(Self::low_bits(number)) } else { None }
     }
 
-    /// The octant of the three lowest bits, such as those of a Morton code.
+    /// The octant of the three lowest bits, for instance of a Morton code.
     #[inline]
     pub(crate) const fn low_bits(bits: u32) -> Self {
         Self((bits & 7) as u8)
     }
 
-    /// Its number, 0..8.
+    /// Number of the octant, 0..8.
     #[inline]
     pub const fn get(self) -> u32 {
         self.0 as u32
     }
 
-    /// 1 where it is the high half along x, y, z, else 0.
+    /// 1 for the high half along x, y, z, else 0.
     #[inline]
     pub const fn high(self) -> [u32; 3] {
         let bits = self.get();
         [bits & 1, bits >> 1 & 1, bits >> 2]
     }
 
-    /// Does a node with this infobyte have a child here?
+    /// True if a node with this infobyte has a child here.
     #[inline]
     pub(crate) const fn is_in(self, infobyte: u8) -> bool {
         infobyte.wrapping_shr(self.get()) & 1 == 1
     }
 
-    /// Children that a node with this infobyte has before this octant.
+    /// Number of children before this octant in a node with this infobyte.
     #[inline]
     pub(crate) const fn rank_in(self, infobyte: u8) -> u32 {
         (infobyte as u32 & 1_u32.wrapping_shl(self.get()).wrapping_sub(1)).count_ones()
@@ -90,10 +90,10 @@ impl Octant {
 pub struct Level(u32);
 
 impl Level {
-    /// That of the root.
+    /// Level of the root.
     pub const ROOT: Self = Self(0);
 
-    /// This many steps below the root.
+    /// The level this many steps below the root.
     #[inline]
     pub const fn new(depth: u32) -> Self {
         Self(depth)
@@ -105,30 +105,30 @@ impl Level {
         self.0
     }
 
-    /// The same as an index into arrays.
+    /// The depth as an index into arrays.
     #[inline]
     pub(crate) const fn index(self) -> usize {
         self.0 as usize
     }
 }
 
-/// A type with `new`, `get` and the number's type, as all three breadth-first numbers have them.
+/// A type with `new`, `get` and the number's type, common to all three breadth-first numbers.
 macro_rules! index {
     ($name:ident) => {
         impl $name {
-            /// The one of this number.
+            /// The item of this number.
             #[inline]
             pub const fn new(number: u64) -> Self {
                 Self(number)
             }
 
-            /// Its number.
+            /// The number.
             #[inline]
             pub const fn get(self) -> u64 {
                 self.0
             }
 
-            /// Its number as an index into memory; `None` where the machine cannot address that much.
+            /// The number as an index into memory; `None` where the machine cannot address that much.
             #[inline]
             pub fn index(self) -> Option<usize> {
                 usize::try_from(self.0).ok()
@@ -160,20 +160,20 @@ impl BoxIndex {
     /// The root: a node, or with L = 0 the one voxel.
     pub const ROOT: Self = Self(0);
 
-    /// The box as a node; which one it is, its level says.
+    /// The box as a node, of any level.
     #[inline]
     pub const fn node(self) -> NodeIndex {
         NodeIndex(self.0)
     }
 
-    /// The box as a voxel of a model with this many nodes. A box that is a node gives a number that no
+    /// The box as a voxel of a model with this many nodes. For a box that is a node, the result is a number that no
     /// voxel has.
     #[inline]
     pub const fn voxel(self, nodes: u64) -> VoxelIndex {
         VoxelIndex(self.0.wrapping_sub(nodes))
     }
 
-    /// The box this many after it. Wraps around: a file may state any number.
+    /// The box that many places after it. Wraps around: a file may state any number.
     #[inline]
     pub const fn after(self, boxes: u32) -> Self {
         Self(self.0.wrapping_add(boxes as u64))

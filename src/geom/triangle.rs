@@ -1,6 +1,6 @@
-//! The point of a triangle that is nearest to another one.
+//! The nearest point of a triangle to another point.
 
-/// Where on a triangle the nearest point lies.
+/// Position of the nearest point on a triangle.
 pub(crate) enum Nearest {
     /// On an edge or a corner: weights of the second and the third corner.
     Border([f64; 2]),
@@ -8,8 +8,8 @@ pub(crate) enum Nearest {
     Face([f64; 3]),
 }
 
-/// The point of a triangle nearest to another one (Ericson 2005, 5.1.5), by the products of the edges from the first
-/// corner with the way to that point, and with each other.
+/// The point of a triangle nearest to another one (Ericson 2005, 5.1.5), from the products of the edges from the first
+/// corner with the vector to that point, and with each other.
 #[inline(always)]
 pub(crate) fn nearest_on_triangle([d1, d2]: [f64; 2], [abab, abac, acac]: [f64; 3]) -> Nearest {
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -1,4 +1,4 @@
-//! `oct build`: whatever lies at some paths into a model on disk.
+//! `oct build`: inputs of any kind into a model on disk.
 //!
 //! ```text
 //! paths --discovery--> Subject --+-- volume: reshape, prepare, clean --+
@@ -44,25 +44,25 @@ use crate::text::data;
 use crate::text::names::{GRADIENT, OUTPUT};
 use crate::volume::{Preparation, SourceError, SourceFault, VolumeSource, Workspace, sentences};
 
-/// Bytes of mesh files beyond which a grid of 512 voxels would lose what they show: some million triangles.
+/// Bytes of mesh files beyond which a grid of 512 voxels would lose detail: some million triangles.
 const LARGE_MESH: u64 = 64 << 20;
 
-/// How a mesh or a tree of solids is put on a grid.
+/// Grid of a mesh or a tree of solids, and units and axes of its files.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridOptions {
-    /// How fine the grid is; with a volume in a tree it is that of the volume. If it is not given, 512 voxels along the
+    /// Fineness of the grid; a tree with a volume has the volume's grid. If it is not given, 512 voxels along the
     /// longest side; for meshes of more than 64 MiB 1024; fewer where the memory is too small.
     pub grid: Option<GridChoice>,
     /// Length of one unit of the files, in millimetres.
     pub unit_mm: f64,
-    /// Up in meshes that do not say it.
+    /// Up axis of meshes whose files do not state it.
     pub up: UpAxis,
-    /// What is inside a mesh; what fits it, if not given.
+    /// Meaning of a mesh's inside; if not given, by the mesh.
     pub fill: Option<Fill>,
-    /// Keep walls of meshes that are thinner than a voxel? See [`MeshOptions::keep_thin`].
+    /// True to keep walls of meshes that are thinner than a voxel, see [`MeshOptions::keep_thin`].
     pub keep_thin: bool,
-    /// May links lead from files that a mesh or a tree names out of its folder?
+    /// True if links may lead out of the folder from files that a mesh or a tree names.
     pub follow_links: bool,
 }
 
@@ -85,7 +85,7 @@ impl GridOptions {
         self.grid.map(|grid| self.mesh_on(grid))
     }
 
-    /// What is said of meshes and trees, if anything is.
+    /// The options of meshes and trees, unless they are the default.
     pub(super) fn stated(&self) -> Option<MeshOptions> {
         let usual = Self { follow_links: self.follow_links, ..Self::default() };
         (*self != usual)
@@ -97,7 +97,7 @@ impl GridOptions {
         MeshOptions { grid, unit_mm, up, fill, keep_thin, follow_links }
     }
 
-    /// The same; if it is not given, by the size of the files, and coarser where the memory needs it.
+    /// As [`GridOptions::mesh`]; without a grid, one by the size of the files, coarser where the memory needs it.
     fn mesh_or_usual(&self, files: &[PathBuf], options: &BuildOptions) -> MeshOptions {
         if let Some(mesh) = self.mesh() {
             return mesh;
@@ -110,16 +110,16 @@ impl GridOptions {
         [first, 512, 256].map(side).into_iter().find(fits).unwrap_or_else(|| side(128))
     }
 
-    /// What is said of a tree.
+    /// The options of a tree.
     pub fn tree(&self) -> CsgOptions {
         CsgOptions { grid: self.grid, unit_mm: self.unit_mm }
     }
 }
 
-/// Where a model is looked at from, by name or as numbers: `outside`, `front`, `along:X,Y,Z`, `X,Y,Z` in mm.
+/// Viewpoint of a model, by name or as numbers: `outside`, `front`, `along:X,Y,Z`, `X,Y,Z` in mm.
 ///
 /// # Errors
-/// A sentence on what can be written.
+/// A sentence on the accepted forms.
 pub fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
     let triple = |text: &str| -> Option<[f64; 3]> {
         let numbers: Vec<f64> =
@@ -143,22 +143,22 @@ pub fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
     })
 }
 
-/// How subjects are built, and into what.
+/// Options, output and watcher of builds.
 #[derive(Clone, Copy)]
 pub struct BuildJob<'a> {
-    /// What is done to a volume before.
+    /// Reshaping and cleaning of a volume before its build.
     pub clean: &'a CleanOptions,
-    /// How what is not a volume is put on a grid.
+    /// Grid of meshes and trees.
     pub grid: &'a GridOptions,
-    /// What is built, and within which means.
+    /// Options and resources of the build.
     pub options: &'a BuildOptions,
-    /// The model.
+    /// Path of the model.
     pub output: &'a Path,
-    /// Told how it goes on.
+    /// Watcher of the build.
     pub progress: &'a dyn Progress,
 }
 
-/// What a subject gave.
+/// Result of building a subject.
 struct Built {
     report: BuildReport,
     cleaned: Option<CleanReport>,
@@ -166,7 +166,7 @@ struct Built {
     hints: Vec<String>,
 }
 
-/// Opens what lies at the inputs, of the kind that [`SubjectKind::of`] tells, and builds its model.
+/// Opens the inputs as the kind that [`SubjectKind::of`] tells, and builds their model.
 ///
 /// # Errors
 /// As [`Subject::open`], [`BuildJob::reshape`] and [`BuildJob::build`]; an old model is untouched then.
@@ -189,7 +189,7 @@ pub fn convert(
     built.map_err(|error| in_full(error, inputs, &pseudonym))
 }
 
-/// An error with the whole path of the only input, where it names that by its last part or by its pseudonym.
+/// An error with the whole path of the only input in place of its last part or its pseudonym.
 fn in_full(mut error: Error, inputs: &[PathBuf], pseudonym: &str) -> Error {
     let [path] = inputs else { return error };
     let is_it = |name: &Path| {
@@ -217,8 +217,7 @@ fn in_full(mut error: Error, inputs: &[PathBuf], pseudonym: &str) -> Error {
     error
 }
 
-/// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
-/// not a model itself.
+/// Refuses an output that is part of the input, or a file in an input folder other than a model.
 fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
@@ -241,10 +240,10 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     }
 }
 
-/// Voxels this many times as long along one axis as along another make stairs of a surface.
+/// Ratio of the longest to the shortest spacing from which a surface shows steps.
 const UNEVEN: f64 = 3.0;
 
-/// What may be wanted besides: of a CT whose threshold was not chosen, and of uneven spacing.
+/// Hints on other options: for a CT whose threshold was not chosen, and for uneven spacing.
 fn hints(
     source: &dyn VolumeSource,
     threshold: Threshold,
@@ -255,7 +254,7 @@ fn hints(
         .then_some(Hint::Bone { chosen: report.selection.lo });
     let spacing_mm = source.info().spacing_mm;
     let axis = (0..3).fold(0, |longest, a| if spacing_mm[a] > spacing_mm[longest] { a } else { longest });
-    // Along an axis of one voxel there are no stairs, nor are there where cells follow the samples.
+    // An axis of one voxel shows no steps, and neither do cells, which follow the samples.
     let sides = source.info().dims.to_array();
     let several = (0..3).filter(|a| sides[*a] > 1).map(|a| spacing_mm[a]);
     let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
@@ -264,10 +263,10 @@ fn hints(
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
-/// What a solid is made into.
+/// Use of a finished solid.
 type UseSolid<'a, T> = dyn FnMut(&FileSolid<'_>, &BuildOptions) -> Result<T, BuildError> + 'a;
 
-/// Gives memory back, but within an interpreter, which keeps the pages of its libraries.
+/// Gives memory back, except within an interpreter, which keeps the pages of its libraries.
 fn give_back_within(cap: MemoryCap) {
     if cfg!(not(feature = "python")) || matches!(cap, MemoryCap::Process(_)) {
         give_back();
@@ -279,7 +278,7 @@ impl BuildJob<'_> {
         give_back_within(self.options.memory);
     }
 
-    /// Opens what lies at the inputs, within what the cap leaves for that.
+    /// Opens the inputs within the memory that the cap leaves.
     pub(super) fn open(
         &self,
         kind: SubjectKind,
@@ -301,7 +300,7 @@ impl BuildJob<'_> {
         Ok(subject.map_volume(|volume| self.clean.reshape(volume))?)
     }
 
-    /// The least memory of a share in which a reshaped subject can be built; of what is not a volume about that.
+    /// The least memory of a share in which a reshaped subject can be built; approximate for meshes and trees.
     pub(crate) fn least_share(&self, subject: &Subject) -> u64 {
         match subject {
             Subject::Volume(volume) => {
@@ -326,7 +325,7 @@ impl BuildJob<'_> {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
         };
-        // Otherwise the report of the model runs with the last stage's code still resident.
+        // Else the report of the model runs with the last stage's code still resident.
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         let info = read_info(self.output)?;
@@ -371,14 +370,14 @@ impl BuildJob<'_> {
         warnings.extend(doubt.map(|doubt| doubt.to_string()));
         warnings
             .extend(cleaned.as_ref().and_then(|cleaned| cleaned.report.note).map(|note| note.to_string()));
-        // What is said of thresholds is not said of labels.
+        // Notes on thresholds do not apply to labels.
         let threshold =
             if options.labels.is_some() { Threshold::Chosen(report.selection) } else { threshold };
         let hints = hints(&*source, threshold, options.volume_surface(), &report);
         Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
     }
 
-    /// Cleaning works on one inside, and would mix labels.
+    /// Refuses labels to be cleaned: cleaning needs a single inside, and would mix them.
     fn refuse_cleaned_labels(&self, source: &dyn VolumeSource) -> Result<(), Error> {
         let CleanOptions { downsample, preset, close, fill_cavities, keep_largest, drop_below, .. } =
             self.clean;
@@ -446,7 +445,7 @@ impl BuildJob<'_> {
         self.tree_within(path, then).map_err(|error| match error {
             Error::Build(error) if error.minimum_bytes().is_some() => {
                 let share = sufficient_share(&self.grid.mesh_or_usual(&[], self.options), self.options);
-                // Every file may be a mesh.
+                // Any file may be a mesh.
                 let sum = memory_bound(path).map_or(0, |(bytes, files)| bytes + (1 + files) * share);
                 Error::Build(error.with_minimum(dry.smallest_limit_with(sum)))
             }
@@ -474,7 +473,7 @@ impl BuildJob<'_> {
         Ok((done, vec![facts.to_string()]))
     }
 
-    /// Opens the volumes that leaves of a tree name, each once, ready to be read.
+    /// Opens the volumes that leaves of a tree name, each once, and prepares them.
     fn open_volumes(&self, tree: &Tree) -> Result<Vec<Named>, Error> {
         let mut open: Vec<Named> = Vec::new();
         for shape in tree.files() {
@@ -498,7 +497,7 @@ impl BuildJob<'_> {
 /// A volume, and the name by which leaves know it.
 type Named = (PathBuf, Box<dyn VolumeSource>);
 
-/// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
+/// Unrolls a source that needs it, unless the cap would be too small for that or for the build.
 pub(super) fn prepare(
     source: &mut dyn VolumeSource,
     cleaning: &CleanOptions,
@@ -513,7 +512,7 @@ pub(super) fn prepare(
     give_back_within(options.memory);
     let scratch = options.scratch_folder(output);
     let cap = options.memory;
-    // What unrolling is said to need is the most it can be; it refuses for itself.
+    // The stated need of unrolling is its maximum; unrolling itself refuses if it needs more.
     if matches!(cap, MemoryCap::Process(_))
         && builder::reserve_least(source, options, &Budget::of_job(cap)).is_err()
     {

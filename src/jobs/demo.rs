@@ -1,4 +1,4 @@
-//! `oct demo`: the whole way on a synthetic head, without any data: build under a cap, verify, look.
+//! `oct demo`: build under a cap, verify and render a synthetic head, without any data.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ impl DemoFiles {
     }
 }
 
-/// What the demonstration did.
+/// Reports of the steps of a demonstration.
 #[derive(Clone, Debug)]
 pub struct DemoSummary {
     files: DemoFiles,
@@ -95,7 +95,7 @@ pub fn demo(
     let (clean, grid) = (CleanOptions::default(), GridOptions::default());
     let job = BuildJob { clean: &clean, grid: &grid, options, output: &files.model, progress };
     let built = job.build(Subject::Volume(Box::new(head)), name, Instant::now())?;
-    // Taken here: the steps that follow map the whole file, which is theirs to do.
+    // Taken here: the steps that follow map the whole file.
     let build_peak_bytes = peak_rss_bytes();
     let timed = |step: &mut dyn FnMut() -> Result<(), Error>| -> Result<f64, Error> {
         let started = Instant::now();
@@ -126,7 +126,7 @@ pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
     let mut row = vec![0; side as usize * 2];
     for (z, y) in (0..side).flat_map(|z| (0..side).map(move |y| (z, y))) {
         head.read_rows(z, y..y + 1, 0..side, &mut row)?;
-        // Samples come in the machine's order; writing them little-endian is the same turn as reading so.
+        // Samples are in the machine's order; the conversion to little-endian is the same as from it.
         Endian::Little.to_native(2, &mut row);
         out.write_all(&row).map_err(failed)?;
     }

@@ -31,36 +31,37 @@ use crate::text::{Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
 
-/// What to make of a model.
+/// Kind of file, and its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExportRequest {
     /// Kind of file.
     pub form: ExportForm,
-    /// In a mask only the skin is set, not what it encloses.
+    /// True to set only the skin in a mask, not the voxels that it encloses.
     pub skin_only: bool,
-    /// Corners are left out while the surface stays so close to the one that has them all, as far as is measured: in
-    /// corners and middles of its triangles, and half a voxel apart on the new ones.
+    /// Corners are removed while the surface stays this close to the full one, as measured: at corners and middles of
+    /// its triangles, and half a voxel apart on the new ones.
     pub error: Option<Tolerance>,
-    /// Corners are left out, and moved, until there are about so many triangles; with `error` until either is reached.
+    /// Number of triangles to reduce the surface to, by removing and moving corners; with `error` until either is
+    /// reached.
     pub triangles: Option<u64>,
-    /// Of labels: most voxels along each axis that walls are moved from the voxels' sides to be smooth, 0 to
-    /// [`MAX_SMOOTH`], which is the default. At 0 they are the voxels' sides, and volumes are exact.
+    /// Limit in voxels along each axis to which walls of labels are smoothed away from the voxels' sides, 0 to
+    /// [`MAX_SMOOTH`], the default. At 0 they are the voxels' sides, and volumes are exact.
     pub smooth: Option<f64>,
 }
 
 impl ExportRequest {
-    /// All of a form.
+    /// A request for everything in this form.
     pub(super) fn of(form: ExportForm) -> Self {
         Self { form, skin_only: false, error: None, triangles: None, smooth: None }
     }
 
-    /// Does it depend on what is inside, not on the skin alone?
+    /// True if the result depends on the inside, not on the skin alone.
     fn needs_inside(&self) -> bool {
         self.form.has_triangles() || self.form.is_mask() && !self.skin_only
     }
 }
 
-/// What was written.
+/// Figures of a written file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ExportReport {
@@ -80,28 +81,30 @@ pub struct ExportReport {
     /// Greatest distance in mm between the written surface and the fine triangles, as measured up to some 8 million of these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// Bound of that distance: the error, or what is known where it was not measured.
+    /// Bound of that distance: the error, or the known bound where it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
     /// True where each edge has two triangles, corners at one place being one; for triangles that were made fewer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed: Option<bool>,
-    /// Separate parts of the surface that were left out for a number of triangles, the smallest ones.
+    /// Separate parts of the surface, the smallest ones, that were left out to reach a number of triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts_gone: Option<u64>,
     /// Voxels set in a mask; 0 for other forms.
     pub inside_voxels: u64,
-    /// Enclosed voxels that may be inside or outside by the normals; written as the likelier, inside without normals.
+    /// Enclosed voxels whose normals do not tell inside from outside; written as the likelier, as inside without
+    /// normals.
     pub unknown_voxels: u64,
-    /// Of a model of labels: the surface of each.
+    /// The surface of each label; empty for other models.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<LabelSurface>,
-    /// Are coordinates of 32 bits too coarse for the place of the model: more than 1/128 of a voxel?
+    /// True if coordinates of 32 bits are too coarse for the place of the model: more than 1/128 of a voxel.
     #[serde(skip)]
     pub is_far: bool,
     /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
-    /// Of a model with larger leaves: how far these lie from the surface at most, in voxels of the finest spacing.
+    /// Greatest distance of larger leaves from the surface, in voxels of the finest spacing; null for a model without
+    /// them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub apart_voxels: Option<f64>,
     /// Size of the file that was written or read.
@@ -115,12 +118,12 @@ pub struct ExportReport {
 /// Writes the model at `input` in another form to `output`, in millimetres of the patient's axes (LPS).
 ///
 /// Triangles are a closed surface without holes or edges of more than two triangles; it passes between the samples
-/// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples. Larger
-/// leaves are taken apart into cells: it lies on their planes, as far from the surface as these do.
+/// inside and outside. A model of cells has a surface of subvoxel accuracy, skin voxels one half-way between samples.
+/// Larger leaves are taken apart into cells: the surface lies on their planes, as far from the true one as these do.
 ///
-/// To make triangles fewer, the surface is in memory, some 220 bytes a triangle, up to 8 million of these (1.8 GB); of a
-/// larger surface slabs of so many triangles are reduced first, within a part of the error or a quarter of a voxel, and
-/// then what they leave. Cost: some microseconds a triangle.
+/// Reduction holds the surface in memory, some 220 bytes a triangle, up to 8 million of these (1.8 GB). Larger surfaces
+/// are first reduced in slabs of so many triangles, within a part of the error or a quarter of a voxel, and then as a
+/// whole. Cost: some microseconds a triangle.
 ///
 /// A model of labels becomes a closed part for each label, with its name and colour where the format has them; where two
 /// labels touch, both have the same triangles. As a mask it becomes the map of its labels again.
@@ -130,12 +133,12 @@ pub struct ExportReport {
 /// triangles take, and the unpacked model if it is packed. Cost: the checks of `oct verify`, and one pass over a model of
 /// cells, two over voxels.
 ///
-/// Of labels, memory: two layers of cells; for STL 12 bytes a corner. Temporary disk: 24 bytes a corner and 12 a triangle.
-/// Cost: one pass.
+/// Memory for labels: two layers of cells; for STL 12 bytes a corner. Temporary disk: 24 bytes a corner and 12 a
+/// triangle. Cost: one pass.
 ///
 /// # Errors
 /// The model is damaged, or keeps only what can be seen and its inside is asked for; the format cannot hold it; the
-/// output cannot be written. Nothing is left at `output` then that was not there before.
+/// output cannot be written. A file at `output` is untouched then.
 pub fn export(
     input: &Path,
     output: &Path,
@@ -145,7 +148,7 @@ pub fn export(
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     refuse_input(input, output)?;
-    // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
+    // A flipped bit could make a closed surface of another solid; the whole file is read anyway, so it is checked.
     verify_unless_packed(input)?;
     if request.form.is_page() {
         return export_page(input, output, request.form, progress);
@@ -173,7 +176,7 @@ pub fn export(
     Ok(report)
 }
 
-/// Notes on triangles that are fewer than were asked for, or more, and on parts that were left out.
+/// Notes on more or fewer triangles than asked for, and on parts that were left out.
 fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
     let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
     let mut notes = Vec::new();
@@ -197,7 +200,7 @@ fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
     notes
 }
 
-/// Gives what was written its name, unless the job is stopped; its size.
+/// Gives the finished file its name, unless the job is stopped; returns its size.
 pub(super) fn commit(out: AtomicFile, output: &Path, progress: &dyn Progress) -> Result<u64, Error> {
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let bytes = out.file().metadata().map_err(unwritable)?.len();
@@ -208,7 +211,7 @@ pub(super) fn commit(out: AtomicFile, output: &Path, progress: &dyn Progress) ->
     Ok(bytes)
 }
 
-/// What was written: counts, bytes, and of labels the surface of each.
+/// Counts, bytes, and the surface of each label.
 type Written = (Exported, u64, Vec<LabelSurface>);
 
 fn report(
@@ -285,15 +288,15 @@ pub(super) fn exporter_of<'a>(
     }
 }
 
-/// Where data of a file waits: in its folder.
+/// Folder of scratch files: the output's own.
 fn folder_of(output: &Path) -> &Path {
     output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Why an export failed.
+/// The error of a failed export.
 pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
     match stop {
-        // Checking all of it says what is wrong.
+        // A full check names the fault.
         ExportStop::Damaged => {
             let changed = model.check_unchanged(input).map_err(Error::from);
             changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
@@ -336,7 +339,7 @@ fn export_page(
     let is_linked = form == ExportForm::Linked;
     let model = if is_linked { Model::map(input)? } else { open_model(input)? };
     let labels = model.frame().labels.len();
-    // Of such models a linked page shows coarse ones.
+    // A linked page shows coarse levels of such models.
     if labels > page::MAX_LABELS && !is_linked {
         let fault = usage!(
             "has {labels} labels, and a page holds {}; build it of fewer ({LABELS}), or look at it with {VIEW}",
@@ -371,7 +374,7 @@ fn export_page(
     Ok(report([input, output], form, &model, written, start))
 }
 
-/// The triangles of a model in memory: those of [`export`] to a PLY file, in the same order.
+/// The triangles of a model in memory: the same as [`export`] writes to a PLY file, in the same order.
 ///
 /// Memory: 24 bytes a triangle, beyond what [`export`] takes. Cost: one pass over
 /// a model of cells, two over voxels. Its bytes are not verified as they are by [`export`]: [`verify`] does so.
@@ -407,7 +410,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progres
         give_back: &|| {},
     };
     let fault = |stop| match stop {
-        // Checking all of it says what is wrong.
+        // A full check names the fault.
         ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(&name()).into()),
         ExportStop::Output(cause) => match fault_of(&cause) {
             Some(fault) => usage!("{fault}").at(name()).into(),
@@ -418,7 +421,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progres
     model.unchanged_during(|| exporter.triangles(progress).map_err(fault))
 }
 
-/// Is a step of 32-bit numbers, at the corner that is farthest from the origin, more than 1/128 of a voxel?
+/// True if a step of 32-bit numbers, at the corner farthest from the origin, is more than 1/128 of a voxel.
 fn is_far(affine: &Affine, dims: Dims) -> bool {
     let corner = |i: usize| {
         let sides = dims.to_array();
@@ -433,7 +436,7 @@ fn fault_of(cause: &io::Error) -> Option<ExportFault> {
     cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
 }
 
-/// Oddities in sentences.
+/// Warnings of an export.
 fn warnings(unknown_voxels: u64, is_far: bool) -> Vec<String> {
     let far =
         "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
@@ -449,7 +452,7 @@ pub(super) fn unknown_inside(voxels: u64) -> Option<String> {
 }
 
 impl ExportReport {
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let what = match self.form {
             ExportForm::Html => "a page with the model".to_owned(),

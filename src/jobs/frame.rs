@@ -1,4 +1,4 @@
-//! What is written around a picture besides its scale bar: a title, and the labels that are seen.
+//! Surroundings of a picture apart from its scale bar: a title, and the labels that are seen.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -10,15 +10,15 @@ use crate::render::annotate::{Entry, Ramp, Style};
 use crate::scene::Seen;
 use crate::text::{Short, shown};
 
-/// A title, a legend, and the sizes that leaves for the picture within.
+/// A title, a legend, and the size of the picture within.
 pub(super) struct Frame {
-    /// Width and height of all.
+    /// Width and height, title and legend included.
     size: [u32; 2],
     style: Option<Style>,
     /// Colour behind the picture.
     ground: Option<[u8; 3]>,
     title: Option<String>,
-    /// The largest first; `None` where none is asked for.
+    /// Entries of the legend, the largest first; `None` for no legend.
     legend: Option<Vec<(Seen, Entry)>>,
     /// The colours of values, in place of labels.
     ramp: Option<Ramp>,
@@ -26,7 +26,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Around a picture of this size on a background (sRGB).
+    /// A frame that fills this size, around a picture on a background (sRGB).
     pub(super) fn new(
         size: [u32; 2],
         ground: Option<[u8; 3]>,
@@ -45,18 +45,18 @@ impl Frame {
         Self { size, style, ground, title, legend, ramp, columns }
     }
 
-    /// Width and height of the picture within.
+    /// Width and height of the picture without title and legend.
     pub(super) fn inner(&self) -> [u32; 2] {
         let rows = self.style.filter(|_| self.title.is_some()).map_or(0, Style::title_rows);
         [self.size[0] - self.columns, self.size[1] - rows]
     }
 
-    /// Width and height with everything around.
+    /// Width and height, title and legend included.
     pub(super) fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// True if the picture has to be finished before anything can be written.
+    /// True if the picture has to be finished before any row can be written.
     pub(super) fn has_legend(&self) -> bool {
         self.legend.is_some() || self.ramp.is_some()
     }
@@ -79,7 +79,7 @@ impl Frame {
         captioned(self.title(&image), image)
     }
 
-    /// A part of the picture with a caption of its own, which `take` makes in the size that this leaves.
+    /// A part of the picture with a caption of its own; `take` makes it in the size that the caption leaves.
     pub(super) fn with_caption<E>(
         &self,
         size: [u32; 2],
@@ -99,7 +99,7 @@ fn captioned(strip: Option<Image>, image: Image) -> Image {
     whole
 }
 
-/// A title that says a name and how large something is: the sides of the box around it, in mm.
+/// A title of a name and a size: the sides of the box around the model, in mm.
 pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> String {
     let side = |axis: usize| {
         let mut direction = [0.0; 3];
@@ -109,7 +109,7 @@ pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> Str
     format!("{} · {} × {} × {} mm", shown(name), side(0), side(1), side(2))
 }
 
-/// Lines of the labels of a model, the largest first; its number among the models of the picture.
+/// Legend entries of the labels of a model, the largest first; `model` is its number among the models of the picture.
 pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Seen, Entry)> {
     let mut labels: Vec<&Label> = labels.collect();
     labels.sort_by_key(|label| std::cmp::Reverse(label.voxels));

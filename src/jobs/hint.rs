@@ -1,4 +1,4 @@
-//! What may be wanted besides, or instead: said once, after the work is done.
+//! Suggestions of other options, made once, after the work is done.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -7,7 +7,7 @@ use crate::clean::Preset;
 use crate::text::Short;
 use crate::text::names::{PRESET, SURFACE, UNIT};
 
-/// Something to know of a model that was built as asked.
+/// A suggestion for a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Hint {
     /// A CT was built by a threshold that was not chosen.
@@ -17,25 +17,25 @@ pub(super) enum Hint {
     },
     /// Voxels are several times as long along one axis as along another.
     Uneven {
-        /// Distance of neighbours.
+        /// Distance of neighbouring voxels.
         spacing_mm: [f64; 3],
-        /// The axis of the longest.
+        /// The axis with the longest spacing.
         axis: usize,
-        /// How many times the shortest.
+        /// Ratio of the longest to the shortest spacing.
         times: f64,
     },
     /// A mesh or a tree is smaller than a millimetre, or larger than a house.
     Size {
-        /// The longest side of its grid.
+        /// The longest side of the grid.
         longest_mm: f64,
     },
 }
 
-/// Longest sides that bodies have whose unit is right, in millimetres.
+/// Longest sides of plausible bodies, in millimetres; others suggest a wrong unit.
 const LIKELY_MM: RangeInclusive<f64> = 1.0..=1e5;
 
 impl Hint {
-    /// Of a mesh or a tree on a grid of such a size.
+    /// The hint for a mesh or a tree on a grid of this size.
     pub(super) fn of_size(dims: [u32; 3], spacing_mm: [f64; 3]) -> Option<Self> {
         let longest_mm =
             dims.iter().zip(spacing_mm).map(|(n, step)| f64::from(*n) * step).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! `oct info`: what a file says of itself, without touching its large sections.
+//! `oct info`: facts of a file, without touching its large sections.
 
 mod report;
 
@@ -34,26 +34,26 @@ pub struct Info {
     pub input: String,
     /// Header, table, metadata and levels.
     pub frame: Frame,
-    /// What was measured of its skin, if that was asked for.
+    /// Measures of its skin, if they were asked for.
     pub measured: Option<Measured>,
 }
 
-/// What became of measuring a model.
+/// Outcome of measuring a model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measured {
     /// It was measured.
     Done(Measures),
-    /// Its labels were, each alone.
+    /// Each of its labels was measured alone.
     Labels(LabelMeasures),
-    /// It is packed, has to be unpacked for that, and this was not insisted on.
+    /// Not measured: the model is packed and would have to be unpacked, which was not asked for.
     Packed,
-    /// It takes long, and was not insisted on.
+    /// Not measured: it takes long, which was not asked for.
     Large,
     /// It has no volume, or is damaged.
     Impossible,
 }
 
-/// Skin voxels, and rows of the grid, up to which a model is measured without being asked to: half a second or so.
+/// Limits of skin voxels and of rows of the grid up to which a model is measured unasked: half a second or so.
 const SOON_MEASURED: [u64; 2] = [1 << 24, 1 << 26];
 
 fn is_soon_measured(frame: &Frame) -> bool {
@@ -64,8 +64,8 @@ fn is_soon_measured(frame: &Frame) -> bool {
 
 /// As [`read_info`], with the measures of the skin.
 ///
-/// Cost: one pass over the nodes and normals, for models of up to 16 million skin voxels, and for larger ones if
-/// `anyway` is set; then a packed one is unpacked into an unnamed file for it, too, which takes as much disk.
+/// Cost: one pass over the nodes and normals. Models of up to 16 million skin voxels are measured, larger and packed
+/// ones only if `anyway` is set; a packed one is unpacked into an unnamed file, which takes as much disk.
 ///
 /// # Errors
 /// As [`read_info`].
@@ -98,7 +98,7 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     Ok(Info { input: data(path), frame, measured: None })
 }
 
-/// Noise, for people.
+/// The noise, for people.
 fn noise_text(noise: &Noise) -> String {
     let Noise { inside, outside, correlation: [x, y, z], .. } = *noise;
     if inside == 0.0 && outside == 0.0 {
@@ -179,7 +179,7 @@ fn channels(frame: &Frame) -> Vec<&'static str> {
 }
 
 impl Info {
-    /// A table for people: what the model is, its size and measures; with `all`, also how the file is made up.
+    /// A table for people: kind, size and measures of the model; with `all`, also the make-up of the file.
     pub fn text(&self, all: bool) -> String {
         let frame = &self.frame;
         let m = &frame.metadata;
@@ -225,7 +225,7 @@ impl Info {
     }
 }
 
-/// The surface that a model stores, for people.
+/// Kind of the stored surface, for people.
 fn what_it_is(frame: &Frame) -> String {
     let count = frame.header.voxels;
     let mut text = match frame.surface() {
@@ -296,7 +296,7 @@ fn file_rows(frame: &Frame) -> Vec<(String, String)> {
 }
 
 impl Measured {
-    /// Measures a model.
+    /// Measures a model, or each of its labels.
     pub(crate) fn of<D: AsRef<[u8]> + Sync>(model: &Model<D>) -> Self {
         let (view, table) = (model.view(), &model.frame().labels);
         if !table.is_empty() {
@@ -392,7 +392,7 @@ fn to_f64(bytes: u64) -> f64 {
     bytes.max(1) as f64
 }
 
-/// To two places, without the sign of a negative zero.
+/// The number to two places, without the sign of a negative zero.
 fn plain(mm: f64) -> f64 {
     if mm.abs() < 0.005 { 0.0 } else { mm }
 }
@@ -402,7 +402,7 @@ pub(crate) fn surface_boxes(frame: &Frame) -> u64 {
     frame.header.voxels + leaves(frame)
 }
 
-/// One of them.
+/// Name of one such box.
 pub(super) fn one_of(frame: &Frame) -> &'static str {
     match frame.surface() {
         _ if frame.header.leaves => "cell or leaf",
@@ -431,22 +431,22 @@ pub(super) fn label_figures(frame: &Frame, measured: Option<&Measured>) -> Vec<L
     frame.labels.iter().enumerate().map(figures).collect()
 }
 
-/// Larger leaves of a model.
+/// Number of larger leaves of a model.
 pub(super) fn leaves(frame: &Frame) -> u64 {
     frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
 }
 
-/// Nodes of every depth.
+/// Number of nodes at each depth.
 fn level_nodes(frame: &Frame) -> Vec<u64> {
     frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect()
 }
 
-/// Was a model made of values? Solids have none.
+/// True for a model of sampled values; solids have none.
 pub(super) fn has_values(m: &Metadata) -> bool {
     !matches!(m.source.format.as_str(), "mesh" | "csg")
 }
 
-/// What is inside a model, in words.
+/// The selection of the inside, in words.
 fn inside(m: &Metadata) -> String {
     let s = &m.selection;
     if !has_values(m) {

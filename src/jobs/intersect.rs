@@ -1,4 +1,4 @@
-//! `oct intersect`: do two models touch, and where; how far they overlap, or are apart.
+//! `oct intersect`: contact of two models and its place; their overlap or clearance.
 
 use std::path::Path;
 use std::time::Instant;
@@ -16,7 +16,7 @@ use crate::measure::nearest::{Gap, Surface};
 use crate::text::names::SURFACE;
 use crate::text::{Short, data, shown};
 
-/// Whether two models touch.
+/// Contact of two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct IntersectReport {
@@ -34,11 +34,11 @@ pub struct IntersectReport {
     pub range_mm: Option<[[f64; 3]; 2]>,
     /// Volume that both bodies fill; null unless both are models of cells without labels.
     pub overlap_mm3: Option<f64>,
-    /// How deep the deepest place of either surface lies inside the other body: 0 where they do not overlap.
+    /// Greatest depth of either surface inside the other body: 0 where they do not overlap.
     pub depth_mm: Option<f64>,
     /// Least distance between the surfaces: 0 where bodies overlap.
     pub clearance_mm: Option<f64>,
-    /// The two places between which it is, the first model's first, in mm (LPS).
+    /// End points of the clearance, the first model's first, in mm (LPS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clearance_between_mm: Option<[[f64; 3]; 2]>,
     /// Peak resident memory of the process.
@@ -47,10 +47,9 @@ pub struct IntersectReport {
     pub wall_s: f64,
 }
 
-/// Checks two models, and tells which boxes of their finest levels have a point in common: of larger leaves the cells that
-/// their planes pass through; `placement` leads from the
-/// second one's millimetres to those of the first. Of models of cells without labels it also measures the overlap, or the
-/// clearance; others are refused if that is needed.
+/// Checks two models, and finds the boxes of their finest levels that have a point in common: of larger leaves the
+/// cells that their planes pass through. `placement` maps the second model's millimetres to the first's. Of models of
+/// cells without labels it also measures the overlap, or the clearance; others are refused if `needs_gap` is set.
 ///
 /// # Errors
 /// A model is damaged or cannot be read; the placement has no volume.
@@ -105,12 +104,12 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Res
 }
 
 impl IntersectReport {
-    /// True where the bodies are known to be at least so many mm apart.
+    /// True if the bodies are known to be at least so many mm apart.
     pub fn is_clear_by(&self, mm: f64) -> bool {
         self.clearance_mm.is_some_and(|clearance| clearance >= mm) && self.depth_mm == Some(0.0)
     }
 
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let [one, other] = [0, 1].map(|i| shown(&self.inputs[i]).to_string());
         let point = |at: [f64; 3]| at.map(|c| Short(c).to_string()).join(", ");

@@ -1,4 +1,4 @@
-//! Label maps among volumes: which volumes they are, and how they are built without a choice of what is inside.
+//! Label maps among volumes: their recognition, and the options of their builds without a choice of the inside.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use crate::format::{Channel, Selection};
 use crate::progress::Progress;
 use crate::volume::VolumeSource;
 
-/// How many labels the header of a volume states.
+/// Number of labels that the header of a volume states.
 pub(super) fn stated(source: &dyn VolumeSource) -> usize {
     source.info().description.labels.len()
 }
 
-/// The options of a build of all labels, without what labels do not have.
+/// The options of a build of all labels, without those that labels do not have.
 pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
     BuildOptions {
         labels: Some(LabelChoice::All),
@@ -27,18 +27,18 @@ pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
     }
 }
 
-/// What the values of a volume look like.
+/// Kind of a volume's values.
 pub(super) enum Values {
-    /// So many labels.
+    /// Labels, and their number.
     Labels(usize),
-    /// A mixture, whose inside is this.
+    /// A mixture, with the selection of its inside.
     Mixed(Selection, Option<BuildNote>),
 }
 
-/// Reads a volume, as Otsu's method does, and says whether its values look like labels: a few whole numbers in flat
+/// Reads a volume, as Otsu's method does, and tells whether its values look like labels: a few whole numbers in flat
 /// regions.
 ///
-/// Memory and cost are those of a threshold that is looked for; the volume is prepared first.
+/// Memory and cost are the same as for finding a threshold; the volume is prepared first.
 ///
 /// # Errors
 /// The volume cannot be read, its values are all alike, or the memory is too small.

@@ -3,13 +3,13 @@
 //! | | volume | area |
 //! |---|---|---|
 //! | skin | voxels inside, each of them whole | a voxel for each column that the surface crosses |
-//! | cells | voxels inside, and of each cell the part that its plane or corners enclose | the same, of as many cells as there are |
+//! | cells | voxels inside, and the enclosed part of each cell | the same, over the number of cells in a column |
 //!
-//! What these lack where a surface bends or has edges is estimated from neighbours' normals (`Bends`). Errors are what
-//! an experiment asks for: 660 balls, tori, cylinders and boxes of 32 to 128 voxels a side, anywhere and turned anyhow,
-//! and along the axes. More than 19 of 20 truths lie within them. Those of volumes of cells at 128 voxels a side are
-//! 0.02 % of a ball and up to half a percent of others (0.6 % of thin boxes). Cells of a mask, whose samples have two
-//! values, have their planes a little too far in: the volume of a ball of 54 voxels lacks 0.15 %, more than its error.
+//! Corrections for bends and edges are estimated from neighbours' normals (`Bends`). Errors come from an experiment:
+//! 660 balls, tori, cylinders and boxes of 32 to 128 voxels a side, anywhere and turned anyhow, and along the axes.
+//! More than 19 of 20 true values lie within them. At 128 voxels a side, errors of volumes of cells are 0.02 % of a
+//! ball and up to half a percent of others (0.6 % of thin boxes). Cells of a mask, whose samples have two values, have
+//! their planes a little too far in: the volume of a ball of 54 voxels lacks 0.15 %, more than its error.
 //!
 //! Memory: the skin of 32 slices, and the runs and normals of two. Cost: each node about once, and some 20 ns a run,
 //! 50 ns a skin voxel and half a microsecond a cell.
@@ -32,40 +32,40 @@ const EDGE: f64 = 0.866;
 /// At more than 120 degrees they are the two sides of a thin wall.
 const WALL: f64 = -0.5;
 
-/// Voxels that are longer than this along one axis than along another have normals that say too little.
+/// Ratio of the longest to the shortest voxel side beyond which normals say too little.
 const MAX_UNEVEN: f64 = 100.0;
 
-/// Are voxels so long along one axis that normals say too little?
+/// True if voxels are so long along one axis that normals say too little.
 fn are_uneven(affine: &Affine) -> bool {
     let [least, most] =
         affine.spacing_mm().iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
     most > MAX_UNEVEN * least
 }
 
-/// What was measured. Lengths are in millimetres.
+/// Measures of a model, in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
     /// First voxel of the skin along each axis, and the one after the last.
     pub voxels: [[u32; 3]; 2],
     /// Least and greatest coordinate (LPS) of the surface: of the skin's voxels, of the part of cells that is inside or
-    /// has a label. Over 2048 voxels a side of boxes 1/2048 of the grid wide, so never too tight.
+    /// has a label. Beyond 2048 voxels a side it is taken from boxes 1/2048 of the grid wide, so it is never too tight.
     pub box_mm: [[f64; 3]; 2],
-    /// Area of the skin, walls of enclosed cavities included, with its error; a sheet one voxel thick counts
-    /// once. `None` without normals, and of voxels that are too uneven.
+    /// Area of the skin, walls of enclosed cavities included, with its error; a sheet one voxel thick counts once.
+    /// `None` without normals, and for voxels that are too uneven.
     pub area_mm2: Option<(f64, f64)>,
-    /// Volume of the skin's voxels and of what is deep inside, with its error. `None` where the normals do not
-    /// tell what is inside: there are none, walls are one voxel thick, only a part was kept, or voxels are too uneven.
+    /// Volume of the skin's voxels and of the deep inside, with its error. `None` where the normals do not tell the
+    /// inside: there are none, walls are one voxel thick, only a part was kept, or voxels are too uneven.
     pub volume_mm3: Option<(f64, f64)>,
-    /// Are voxels more than 100 times as long along one axis as along another?
+    /// True if voxels are more than 100 times as long along one axis as along another.
     pub is_uneven: bool,
-    /// Does the model keep only what can be seen from somewhere?
+    /// True if the model keeps only what can be seen from somewhere.
     pub is_part: bool,
-    /// Voxels that are deep inside, in enclosed cavities, and neither for sure.
+    /// Voxels deep inside, in enclosed cavities, and undecided between the two.
     pub enclosed: Enclosed,
 }
 
 impl Measures {
-    /// The same of a model with larger leaves, which lie off the surface.
+    /// The measures with the error of larger leaves, which lie off the surface.
     #[must_use]
     pub(crate) fn with_leaves(mut self, metadata: &Metadata) -> Self {
         if let (Some(found), Some((area, _)), Some((_, error))) =
@@ -78,8 +78,8 @@ impl Measures {
     }
 }
 
-/// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part`: does it keep only what
-/// can be seen from somewhere?
+/// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part` is set if it keeps only
+/// what can be seen from somewhere.
 pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let Bounds { voxels, box_mm } = bounds(view, &space)?;
@@ -120,7 +120,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let (lacking, error) =
         if cells { bends.volume(area / weights.voxel_mm3) } else { (0.0, facets.volume_error()) };
     let volume = of_skin + lacking + count(enclosed.inside) + unknown;
-    // Half of it unknown is not known.
+    // No volume where the normals leave too many voxels undecided.
     let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
     let is_uneven = are_uneven(affine);
     let (lacking_mm2, error_mm2) = bends.area(cells.then_some(area_within), area);
@@ -157,9 +157,9 @@ fn count(voxels: u64) -> f64 {
     voxels as f64
 }
 
-/// What a voxel, or a cell, counts for.
+/// Weight of a voxel or a cell in the sums.
 struct Weights {
-    /// Are the boxes cells? Then normals are of index space.
+    /// True for cells, whose normals are of index space.
     cells: bool,
     voxel_mm3: f64,
     columns: [[f64; 3]; 3],
@@ -180,11 +180,10 @@ impl Weights {
 
     /// The part of the surface in a box with this normal.
     ///
-    /// The skin of a surface has one voxel in each column along the axis that its normal is nearest to, counted in
-    /// voxels. The part of the surface in that column is the voxel's volume over its normal's part along that axis. Of
-    /// cells, which are all boxes that the surface passes through, a column has as many as the sum of the parts along
-    /// the axes over the greatest. (The surface within a cell itself may be off by as much as its plane: of a binary ball
-    /// its sum lacks a seventh.)
+    /// A skin has one voxel in each column along the dominant axis of its normal. The part of the surface in that
+    /// column is the voxel's volume over the normal's component along that axis. Cells are all boxes that the surface
+    /// passes through: their number in a column is the sum of the normal's components over the greatest. (The surface
+    /// within a cell itself may be off by as much as its plane: its sum over a binary ball lacks a seventh.)
     fn patch(&self, code: u16, within: Option<Within>, [y, x]: [u32; 2]) -> Option<Patch> {
         let n = normal::decode_l1(code).map(f64::from);
         let normal =
@@ -211,45 +210,45 @@ impl Weights {
 struct Patch {
     y: u32,
     x: u32,
-    /// Place of its label; 0 of models without them.
+    /// Index of its label; 0 for models without labels.
     label: usize,
-    /// Unit vector of the world.
+    /// Unit vector in world space.
     normal: [f64; 3],
-    /// Unit vector of index space, and its longest part.
+    /// Unit vector in index space, and the axis of its longest component.
     along: [f64; 3],
     axis: usize,
-    /// Area in mm2.
+    /// Area of the surface in the box, in mm2.
     part: f64,
-    /// In index space, of a cell that of the surface within it.
+    /// Area in index space; of a cell, the area of the surface within it.
     part_of_voxels: f64,
 }
 
 impl Patch {
-    /// The same of a label, in front of the wall or behind it.
+    /// The patch of a label, in front of the wall or behind it.
     fn of_label(&self, label: usize, front: bool) -> Self {
         let turn = |v: [f64; 3]| if front { v.map(|c| -c) } else { v };
         Self { label, normal: turn(self.normal), along: turn(self.along), ..*self }
     }
 
-    /// Area in index space that a cell with this normal has on average.
+    /// Mean area, in index space, of a cell with this normal.
     fn usual_part(&self) -> f64 {
         1.0 / self.along.iter().map(|c| c.abs()).sum::<f64>()
     }
 }
 
-/// What the neighbours in a slice and the one before say of bends and edges.
+/// Corrections for bends and edges, from neighbours in a slice and the one before.
 ///
-/// A cell on a bend has a chord for an arc, one on an edge cuts it off; the skin lies half a voxel below the surface, and
-/// a voxel on an edge counts for one of its faces. On a bend that is in proportion to the mean curvature, whose sum over
-/// the surface is that of the changes of normals along the axes; on an edge to 1 less the cosine between its faces. The
-/// factors are those that fit the bodies of the experiment best.
+/// A cell on a bend has a chord for an arc, one on an edge cuts it off; the skin lies half a voxel below the surface,
+/// and a voxel on an edge counts for one of its faces. The correction of a bend is proportional to the mean curvature,
+/// whose sum over the surface is the sum of the changes of normals along the axes; of an edge to 1 less the cosine
+/// between its faces. The factors are the best fit to the bodies of the experiment.
 struct Bends {
     before: Vec<Patch>,
     now: Vec<Patch>,
     edge: f64,
-    /// In mm2, of each label.
+    /// Sums in mm2, of each label.
     of_area: Vec<Bend>,
-    /// In index space.
+    /// Sums in index space.
     of_volume: Bend,
 }
 
@@ -258,9 +257,9 @@ struct Bends {
 struct Bend {
     /// Change of the normal along the axis, outward bends above 0, times area.
     bend: f64,
-    /// The same without its sign.
+    /// Absolute change of the normal along the axis, times area.
     change: f64,
-    /// What edges lack.
+    /// Area that edges lack.
     edges: f64,
 }
 
@@ -276,7 +275,7 @@ impl Bend {
 }
 
 impl Bends {
-    /// Of so many labels, 1 of a model without them; normals that are farther apart than a cosine are those of an edge.
+    /// For so many labels, or 1 for a model without labels. Normals whose cosine is below `edge` lie at an edge.
     fn new(labels: usize, edge: f64) -> Self {
         let of_area = vec![Bend::default(); labels];
         Self { before: Vec::new(), now: Vec::new(), edge, of_area, of_volume: Bend::default() }
@@ -288,7 +287,7 @@ impl Bends {
         self.now.clear();
     }
 
-    /// Adds the pairs of this slice, and those to the one before. Both are ordered by rows.
+    /// Adds the pairs within this slice and with the one before. Both are ordered by rows.
     fn end(&mut self, weights: &Weights) {
         let Self { before, now, edge, of_area, of_volume } = self;
         let mut add = |low: &Patch, high: &Patch, axis: usize| {
@@ -314,7 +313,7 @@ impl Bends {
         let (mut above, mut behind) = (0, 0);
         for (i, patch) in now.iter().enumerate() {
             let Patch { y, x, label, .. } = *patch;
-            // A cell between labels has a patch for each.
+            // A cell between labels has a patch for each label.
             let reached = |all: &'_ [Patch], at: &mut usize, y: u32, x: u32| {
                 while all.get(*at).is_some_and(|p| (p.y, p.x) < (y, x)) {
                     *at += 1;
@@ -336,16 +335,16 @@ impl Bends {
         }
     }
 
-    /// What the volume of cells lacks, and its error; of so many faces of voxels. Normals that turn to and fro are those
-    /// of a rough surface.
+    /// The volume that cells lack, and its error; `faces` is the number of faces of voxels. Normals that turn to and
+    /// fro show a rough surface.
     fn volume(&self, faces: f64) -> (f64, f64) {
         let Bend { bend, change, edges } = self.of_volume;
         let rough = change - bend.abs();
         (0.116 * bend + 0.188 * edges, 0.03 * change + rough + 0.28 * edges + 0.001 * faces)
     }
 
-    /// What the area of a model without labels lacks, and its error. That of cells holds the difference to the surface `within` them: the count
-    /// is off where a bend faces along an axis, the surface within where planes are.
+    /// The area that a model without labels lacks, and its error. For cells the error includes the difference to the
+    /// surface `within` them: the count is off where a bend faces along an axis, the surface within where planes are.
     fn area(&self, within: Option<f64>, area: f64) -> (f64, f64) {
         let Some(Bend { bend, change, edges }) = self.of_area.first() else { return (0.0, area) };
         match within {
@@ -358,7 +357,7 @@ impl Bends {
     }
 }
 
-/// Boxes of the surface that face one way.
+/// Number of boxes of the surface in each direction.
 ///
 /// The middle of a voxel says whether it is inside, so a flat face seems to lie up to half a voxel off its place, all of
 /// it to the same side; faces of different directions are off by themselves.
@@ -371,8 +370,8 @@ impl Default for Facets {
 }
 
 impl Facets {
-    /// Directions told apart along each side of a face of the cube of directions: faces along the axes are in the middle
-    /// of one.
+    /// Number of directions along each side of a face of the direction cube: faces along the axes are in the middle of
+    /// one.
     const ACROSS: usize = 9;
 
     fn add(&mut self, patch: &Patch) {
@@ -400,7 +399,7 @@ mod tests {
     use crate::geom::morton;
     use crate::memory_tree::MemoryTree;
 
-    /// The skin of a set of voxels, with the normals of a field where there is one.
+    /// The skin of a set of voxels, with the normals of a field if there is one.
     fn skin(
         side: u32,
         inside: impl Fn([i32; 3]) -> bool,
@@ -460,11 +459,11 @@ mod tests {
         assert!(found.box_mm[1].iter().all(|v| (v - 32.75).abs() < 0.1), "{:?}", found.box_mm);
     }
 
-    /// A voxel on an edge counts for one face of two: what the other lacks is added.
+    /// A voxel on an edge counts for one face of two: the missing one is added.
     #[test]
     fn the_true_area_of_a_box_lies_within_the_error() {
         let inside = |p: [i32; 3]| p.iter().all(|c| (4..44).contains(c));
-        // As of a mesh: the face that is nearest; and as of a gradient: between the faces.
+        // Normals as of a mesh, from the nearest face; and as of a gradient, between the faces.
         let nearest = |p: [f64; 3]| {
             let v = p.map(|c| c - 23.5);
             let axis = (0..3).fold(0, |a, b| if v[b].abs() > v[a].abs() { b } else { a });
@@ -499,7 +498,7 @@ mod tests {
         let cavity =
             (0..48_i32.pow(3)).filter(|i| radius([i % 48, i / 48 % 48, i / 2304].map(f64::from), c) < 14.0);
         assert_eq!(found.enclosed.cavities, cavity.count() as u64);
-        // Without normals nothing is known.
+        // Without normals there is neither area nor volume.
         let (bare, _) = skin(48, shape, None);
         let unknown = measure(&bare.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!((unknown.volume_mm3, unknown.area_mm2), (None, None));
@@ -543,7 +542,7 @@ mod tests {
         assert!((area - faces).abs() < error && error < 0.15 * faces, "{area} {error} {faces}");
     }
 
-    /// Nothing lies between: rows and slices without skin must cost nothing, or a file of 100 bytes takes a minute.
+    /// Rows and slices without skin must cost nothing, or a file of 100 bytes takes a minute.
     #[test]
     fn two_voxels_at_the_far_corners_of_the_largest_grid_are_soon_measured() {
         let dims = Dims::new(65536, 65536, 65536).unwrap();
@@ -553,7 +552,7 @@ mod tests {
         assert_eq!(found.enclosed, Enclosed::default());
     }
 
-    /// Their normals hold no direction but the longest axis'.
+    /// Such normals only hold the direction of the longest axis.
     #[test]
     fn of_voxels_that_are_far_too_long_nothing_is_known() {
         let (r, c) = (14.0, 20.0);

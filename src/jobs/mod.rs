@@ -1,4 +1,4 @@
-//! What the commands do: one function each, from plain options to a report.
+//! The commands: one function each, from plain options to a report.
 #![doc = "\n"]
 #![doc = include_str!("COMMANDS.md")]
 #![doc = "\n"]

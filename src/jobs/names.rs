@@ -6,7 +6,7 @@
 //! | ITK-SNAP label descriptions | `number R G B A visible mesh "name"` |
 //! | Slicer colour table (.ctbl), FreeSurfer | `number name R G B A`; in .ctbl `_` stands for a blank |
 //! | JSON of DICOM SEG tools | `segmentAttributes`: labelID, SegmentedPropertyTypeCodeSequence and its modifier or SegmentLabel, recommendedDisplayRGBValue |
-//! | `totalsegmentator`, `freesurfer` | tables of the program itself, asked for by these words in place of a path |
+//! | `totalsegmentator`, `freesurfer` | built-in tables of the program, selected by these words in place of a path |
 
 use std::collections::HashSet;
 use std::io::Read;
@@ -23,7 +23,7 @@ use crate::platform::{PositionalFile, is_device_name};
 use crate::text::{self, mark_bytes};
 use crate::volume::SourceError;
 
-/// Tables that the program has, by name.
+/// Built-in tables, by name.
 const TABLES: [(&str, &str); 2] = [
     ("totalsegmentator", include_str!("tables/totalsegmentator.tsv")),
     ("freesurfer", include_str!("tables/freesurfer.tsv")),
@@ -33,9 +33,8 @@ const TABLES: [(&str, &str); 2] = [
 const MAX_BYTES: u64 = 4 << 20;
 const MAX_NAME_BYTES: usize = 1000;
 
-/// Reads a table of labels, of the kind that its content shows; label 0 is left out. `path` may be the name of a table of
-/// the program. Of a code and a name that was typed in, as JSON may have both, the code's meaning is taken, unless
-/// `typed` says so.
+/// Reads a table of labels, of the kind that its content shows; label 0 is left out. `path` may name a built-in table.
+/// Where JSON has both a code and a typed name, the code's meaning is taken, unless `typed` is set.
 ///
 /// # Errors
 /// The file cannot be read, is not one of these tables, or names a label twice.
@@ -83,7 +82,7 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
     }
 }
 
-/// The labels of `segmentAttributes`, in lists within a list.
+/// The labels of `segmentAttributes`, which is a list of lists.
 fn of_json(text: &str, typed: bool) -> Option<Vec<LabelName>> {
     let table: Value = serde_json::from_str(text).ok()?;
     let mut all = Vec::new();
@@ -113,7 +112,7 @@ fn of_json(text: &str, typed: bool) -> Option<Vec<LabelName>> {
     (!all.is_empty()).then_some(all)
 }
 
-/// The labels of a table of lines; the number of a line that cannot be read.
+/// The labels of a table of lines; the error is the number of a line that cannot be read.
 fn of_rows(text: &str, blanks: bool) -> Result<Vec<LabelName>, usize> {
     let mut names = Vec::new();
     let mut header: Option<(char, Columns)> = None;
@@ -156,7 +155,7 @@ fn of_fields(row: &str, blanks: bool) -> Option<LabelName> {
     Some(LabelName { number, name, color: Some([part(0)?, part(1)?, part(2)?]) })
 }
 
-/// Where a table with a header has its columns.
+/// Columns of a table with a header.
 struct Columns {
     number: usize,
     name: usize,
@@ -192,11 +191,10 @@ impl Columns {
     }
 }
 
-/// Bytes of a label's name in that of its file: file systems hold 255.
+/// Bytes of a label's name in a file name: file systems allow 255.
 const MAX_NAME: usize = 200;
 
-/// Names of labels' files, without suffixes: those of the labels, with the number where there is none or where a label
-/// before has the same.
+/// File names of labels without suffixes: their names, with the number if a name is missing or taken by a label before.
 pub(super) fn file_names(labels: &[Label]) -> Vec<String> {
     let mut taken = HashSet::new();
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
@@ -204,7 +202,7 @@ pub(super) fn file_names(labels: &[Label]) -> Vec<String> {
         .iter()
         .map(|label| {
             let name: String = part_name(label).chars().map(plain).collect();
-            // Not hidden, and no option.
+            // A leading dot would hide the file, a hyphen would make it an option.
             let mut name = name.trim_start_matches(['.', '-']).to_owned();
             while name.len() > MAX_NAME {
                 name.pop();
@@ -314,7 +312,7 @@ mod tests {
         let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
         let labels = [label(1, "liver"), label(2, ""), label(3, "Liver"), label(7, "../a b"), label(9, "..")];
         assert_eq!(file_names(&labels), ["liver", "label_2", "Liver_3", "_a_b", "_9"]);
-        // Names of devices and of no file on Windows are the same elsewhere.
+        // Windows' device names and invalid characters are replaced on every system.
         let labels = [label(1, "con"), label(2, "Com1.a"), label(3, "a<:>|?*\\b. "), label(4, "console")];
         assert_eq!(file_names(&labels), ["_con", "_Com1.a", "a_______b._", "console"]);
         let labels = [label(1, "x"), label(2, "x_3"), label(3, "x"), label(4, &"肝".repeat(100))];

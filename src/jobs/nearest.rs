@@ -9,12 +9,12 @@ use crate::load::{Model, NodeView};
 use crate::measure::nearest::{Query, Search, Side, Surface};
 use crate::progress::{Progress, Silent};
 
-/// Points that a thread takes at least.
+/// Fewest points of a thread.
 const PART: usize = 1 << 10;
 
 /// Nearest points of a surface: arrays with an item for each point.
 ///
-/// The search of distances in octrees by bounds is that of Samet, *Foundations of Multidimensional and Metric Data
+/// The search of distances in octrees by bounds follows Samet, *Foundations of Multidimensional and Metric Data
 /// Structures* (2006), section 4.1; the surface in a cell is SPEC 4.8's.
 #[non_exhaustive]
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,7 +31,7 @@ pub struct NearestPoints {
     pub cell: Vec<Option<u64>>,
 }
 
-/// One answer.
+/// The answer for one point.
 #[derive(Clone, Copy)]
 struct Answer {
     distance_mm: f64,
@@ -101,7 +101,7 @@ impl<D: AsRef<[u8]> + Sync> Model<D> {
     }
 }
 
-/// [`Model::nearest`] on so many threads; [`Error::Stopped`] if `progress` says so.
+/// [`Model::nearest`] on so many threads; [`Error::Stopped`] if `progress` is stopped.
 pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     points: &[[f64; 3]],

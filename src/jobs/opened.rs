@@ -1,4 +1,4 @@
-//! A model for use, be it mapped or packed.
+//! A model for use, mapped or packed.
 
 use std::fs::File;
 use std::io;
@@ -29,10 +29,11 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
     Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
 }
 
-/// Refuses a model with larger leaves where something is of single cells, as `what` says: a subject and its verb.
+/// Refuses a model with larger leaves for an operation on single cells; `what` is a subject and its verb for the
+/// sentence.
 ///
 /// # Errors
-/// It has them.
+/// The model has larger leaves.
 pub(super) fn refuse_larger_leaves(model: &Model, path: &Path, what: &str) -> Result<(), Error> {
     if model.header().leaves {
         return Err(unfit!("has larger leaves, and {what} of single cells; build it without {ERROR}")
@@ -42,7 +43,7 @@ pub(super) fn refuse_larger_leaves(model: &Model, path: &Path, what: &str) -> Re
     Ok(())
 }
 
-/// The mapped form of a packed file in an unnamed one.
+/// The mapped form of a packed file, in an unnamed file.
 ///
 /// # Errors
 /// The packed file is damaged, or is written to meanwhile, or there is no room.

@@ -1,7 +1,7 @@
 //! `oct plan`, `oct part` and `oct merge`: a model in parts that any engine builds, joined into the bytes of one build.
 //!
-//! The plan is a file of JSON; every part is a file beside it whose name says what it is made of, so that a part that is
-//! there and sound is not built again. Nothing here runs anything on another machine.
+//! The plan is a file of JSON; each part is a file beside it whose name encodes its origin, so that an existing sound
+//! part is not built again. No job is started on another machine.
 
 mod input;
 mod report;
@@ -34,7 +34,7 @@ use input::Opened;
 
 /// Most parts of a plan.
 pub const MAX_PARTS: u32 = 4096;
-/// No plan is longer.
+/// Longest plan in bytes.
 const MAX_PLAN_BYTES: u64 = 1 << 20;
 
 /// A plan as it stands in its file.
@@ -43,20 +43,20 @@ const MAX_PLAN_BYTES: u64 = 1 << 20;
 struct PlanFile {
     /// Program and version that made it.
     program: String,
-    /// SHA-256, in hex digits, of everything that decides the bytes of the model.
+    /// SHA-256, in hex digits, of everything that determines the bytes of the model.
     digest: String,
     /// Size of the model's grid.
     dims: [u32; 3],
     /// Parts, numbered from 0.
     parts: u32,
-    /// Folder that the paths in `command` start from.
+    /// Folder of the relative paths in `command`.
     folder: String,
-    /// Files that a mesh or a tree of solids is made of.
+    /// Files of a mesh or a tree of solids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     files: Vec<String>,
     /// Inputs and options of the build, as words of a command line.
     command: Vec<String>,
-    /// SHA-256, in hex digits, of the plan with nothing in this place.
+    /// SHA-256, in hex digits, of the plan with an empty checksum.
     #[serde(default)]
     checksum: String,
 }
@@ -112,12 +112,12 @@ impl Plan {
         &self.file.command
     }
 
-    /// An input of the command from the folder of the plan's making; a synthetic one is in none.
+    /// An input of the command, relative to the folder where the plan was made; a synthetic one has no folder.
     pub fn input(&self, path: &Path) -> PathBuf {
         if is_synthetic(path) { path.to_path_buf() } else { Path::new(&self.file.folder).join(path) }
     }
 
-    /// Its command is not one of this program.
+    /// The error of a command of another program.
     pub fn not_of_this_program(&self) -> Error {
         refused(&self.path, PartFault::OtherPlan)
     }
@@ -130,7 +130,7 @@ impl Plan {
         }
     }
 
-    /// The input, if it is the one that was planned for.
+    /// Opens the input, if it is the one that was planned for.
     fn open(&self, input: &PartsInput<'_>) -> Result<Opened, Error> {
         let opened = input.open(Some((self.dims, &self.file.files)))?;
         if opened.dims != self.dims || input.digest(&opened, self.file.parts) != self.digest {
@@ -143,7 +143,7 @@ impl Plan {
         Cuts { dims: self.dims, parts: self.file.parts }
     }
 
-    /// The file of a part.
+    /// Path of a part.
     ///
     /// # Errors
     /// The plan has no part of this number.
@@ -182,11 +182,11 @@ fn parse_hex(text: &str) -> Option<[u8; 32]> {
     Some(bytes)
 }
 
-/// Plans a model in `parts` parts into the folder `out`, which is made if it is not there; `command` and `folder` are kept
-/// for those who build them.
+/// Plans a model in `parts` parts into the folder `out`, which is made if it is missing; `command` and `folder` are
+/// kept for those who build the parts.
 ///
 /// # Errors
-/// The input cannot be opened, something of the build cannot be done in parts, or the plan cannot be written.
+/// The input cannot be opened, an operation of the build cannot be done in parts, or the plan cannot be written.
 pub fn plan(
     input: &PartsInput<'_>,
     parts: u32,
@@ -255,7 +255,7 @@ fn write_plan(file: PlanFile, out: &Path, path: &Path) -> std::io::Result<()> {
     atomic.commit()
 }
 
-/// Builds a part of a plan, unless it is there and sound; a damaged one is replaced.
+/// Builds a part of a plan, unless a sound one exists; a damaged one is replaced.
 ///
 /// # Errors
 /// The input is not what was planned for, it cannot be read, or the disk fails; a part appears whole or not at all.
@@ -274,7 +274,7 @@ pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartRepo
     Ok(PartReport::new(plan, number, &id.path(folder), started).with_voxels(part_voxels, surface))
 }
 
-/// Is a part there, whole and sound? What is damaged is built again; what cannot be read is not replaced.
+/// True for an existing, whole and sound part. A damaged one is built again; one that cannot be read is not replaced.
 fn is_there(id: &PartId, folder: &Path, progress: &dyn Progress) -> Result<bool, Error> {
     let is_sound = |found: Option<PartFile>| found.map(|part| part.check(progress)).transpose();
     match PartFile::open(id, folder).and_then(is_sound) {
@@ -287,8 +287,8 @@ fn is_there(id: &PartId, folder: &Path, progress: &dyn Progress) -> Result<bool,
     }
 }
 
-/// Builds a model in parts of 128 slices, one after the other, in a folder beside [`BuildJob::output`]; those that are
-/// there from a build of the same input and options that was stopped are not built again. The folder is removed at the end.
+/// Builds a model in parts of 128 slices, one after the other, in a folder beside [`BuildJob::output`]. Parts of an
+/// interrupted build of the same input and options are used again. The folder is removed at the end.
 ///
 /// # Errors
 /// As [`part`] and [`merge`]; the parts that are done stay.
@@ -320,7 +320,7 @@ pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
     }
     drop(opened);
     let joined = join(digest, cuts, &folder, output, progress)?;
-    // Parts of builds with other options, too; what else lies there stays, and so does the folder then.
+    // Parts of builds with other options are removed, too; other files stay, and then so does the folder.
     for entry in std::fs::read_dir(&folder).map_err(failed)?.flatten() {
         if entry.path().extension().is_some_and(|extension| extension == "part") {
             std::fs::remove_file(entry.path()).map_err(failed)?;

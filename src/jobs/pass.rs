@@ -19,17 +19,17 @@ use crate::progress::Progress;
 /// Cells that a thread takes at a time.
 const CHUNK: usize = 4096;
 
-/// Pages of the models are given back when the process has more than this.
+/// Resident memory beyond which pages of the models are given back.
 const RESIDENT_BYTES: u64 = 13 << 19;
 
-/// Most steps between two looks at the resident memory, and by how much that may grow meanwhile.
+/// Most steps between two looks at the resident memory, and the growth to allow meanwhile.
 const MAX_STEPS: u64 = 512;
 const GROWTH_BYTES: u64 = 256 << 10;
 
-/// Bytes of a table that are written at once.
+/// Bytes of a table that are written at a time.
 const TEXT_BYTES: usize = 64 << 10;
 
-/// Gives the pages of models back when there are many. How often it looks depends on how many come meanwhile.
+/// Gives the pages of models back when there are many. The faster memory grows, the more often it looks.
 #[derive(Debug)]
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
@@ -73,7 +73,7 @@ pub(super) struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// Makes a row of each cell, and hands the rows over in the order of the file. Each worker has a thread.
+    /// Makes a row of each cell, and passes the rows on in the order of the file. Each worker has a thread.
     ///
     /// Memory: the rows of 4,096 cells a worker.
     ///
@@ -131,7 +131,7 @@ pub(super) struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    /// The columns of the table are places, the named value, half its 95 % interval, and area.
+    /// Creates the outputs. The columns of the table are places, the named value, half its 95 % interval, and area.
     pub(super) fn create(folder: &'a Path, csv: Option<&'a Path>, value: &str) -> Result<Self, Error> {
         let values = BufWriter::new(scratch_beside(folder).map_err(unwritable(folder))?);
         let created = |path| Ok::<_, Error>((AtomicFile::create(path).map_err(unwritable(path))?, path));
@@ -140,7 +140,7 @@ impl<'a> Records<'a> {
         Ok(Self { folder, values, table, text })
     }
 
-    /// Adds a cell: the values that are kept, and the value and half its interval that the table shows; NaN for none.
+    /// Adds a cell: the values to be kept, and the value and half its interval for the table; NaN for none.
     pub(super) fn add(
         &mut self,
         (at_mm, area_mm2): ([f64; 3], f64),
@@ -165,7 +165,7 @@ impl<'a> Records<'a> {
         Ok(())
     }
 
-    /// The values of each cell, from the first one on; none are added afterwards.
+    /// The values of each cell, from the first one on; no cell can be added afterwards.
     pub(super) fn values<const N: usize>(
         &mut self,
     ) -> Result<impl Iterator<Item = io::Result<[f64; N]>>, Error> {
@@ -182,7 +182,7 @@ impl<'a> Records<'a> {
         }))
     }
 
-    /// Writes the model with the first of each cell's `N` values, of magnitudes up to `extent`, and lets the table appear.
+    /// Writes the model with the first of each cell's `N` values, of magnitudes up to `extent`, and commits the table.
     pub(super) fn finish<const N: usize>(
         mut self,
         (model, output): (&Model, Option<&Path>),
@@ -203,7 +203,7 @@ impl<'a> Records<'a> {
     }
 }
 
-/// An output that cannot be written.
+/// The error of an output that cannot be written.
 fn unwritable(path: &Path) -> impl FnOnce(io::Error) -> Error {
     let path = path.to_path_buf();
     move |cause| Error::Output { path, cause }

@@ -22,7 +22,7 @@ use crate::render::{Image, RenderError};
 use crate::scene::Seen;
 use crate::text::{data, shown};
 
-/// Where the pictures of one call go.
+/// Paths of the pictures of one call, and their layout.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs<'a> {
     /// The colours.
@@ -33,23 +33,23 @@ pub struct Outputs<'a> {
     pub normals: Option<&'a Path>,
     /// The image of the numbers of boxes, if one is wanted.
     pub ids: Option<&'a Path>,
-    /// How many pictures `image` holds; there are no other images of several.
+    /// Number and arrangement of the pictures in `image`; other images exist for a single picture only.
     pub shots: Shots,
-    /// A text above the picture; an empty one for the name of the file and the size of what it shows.
+    /// Text above the picture; an empty one stands for the name of the file and the size of its model.
     pub title: Option<&'a str>,
-    /// List the labels that are seen on the picture's right; of a scene also its models without labels.
+    /// True to list the visible labels on the picture's right; of a scene also its models without labels.
     pub legend: bool,
 }
 
-/// Where the colours go.
+/// Destination of the colours.
 pub(super) enum Target {
     /// Into one file.
     File(ImageFile),
-    /// Into files of these names, of which the first is begun.
+    /// Files of these names, of which the first has been begun.
     Frames(FrameNames, ImageFile),
 }
 
-/// Pictures that are begun.
+/// Files of pictures that have been begun.
 pub(super) struct Layers {
     pub(super) image: Target,
     depth: Option<ImageFile>,
@@ -58,17 +58,17 @@ pub(super) struct Layers {
 }
 
 impl<'a> Outputs<'a> {
-    /// The colours alone.
+    /// Outputs of the colours alone.
     pub fn of(image: &'a Path) -> Self {
         Self { image, depth: None, normals: None, ids: None, shots: Shots::One, title: None, legend: false }
     }
 
-    /// All that are named.
+    /// All paths that are named.
     pub(super) fn all(&self) -> Vec<&'a Path> {
         [Some(self.image), self.depth, self.normals, self.ids].into_iter().flatten().collect()
     }
 
-    /// The title of a picture of something with this support.
+    /// The title of a picture of an object with this support.
     pub(super) fn title_of(&self, path: &Path, support: impl Fn([f64; 3]) -> f64) -> Option<String> {
         match self.title {
             Some("") => Some(size_title(path.file_stem().unwrap_or_default(), support)),
@@ -76,7 +76,7 @@ impl<'a> Outputs<'a> {
         }
     }
 
-    /// Names of the frames, if there are several files of them.
+    /// Names of the frames and their number, for frames in several files.
     fn frames(&self) -> Option<(FrameNames, u32)> {
         match self.shots {
             Shots::Turntable(count) => Some((FrameNames::of(self.image)?, count)),
@@ -84,7 +84,7 @@ impl<'a> Outputs<'a> {
         }
     }
 
-    /// Refuses names that are the input's, or each other's.
+    /// Refuses outputs that are the input or the same file.
     pub(super) fn refuse_clash(&self, input: &Path) -> Result<(), Error> {
         match self.frames() {
             Some((names, count)) => {
@@ -109,14 +109,14 @@ impl<'a> Outputs<'a> {
 }
 
 impl Layers {
-    /// Writes a picture that is finished.
+    /// Writes a finished picture.
     pub(super) fn write(self, image: &Image) -> Result<(), Error> {
         let mut rows = self.begin([image.width, image.height])?;
         rows.put(image)?;
         rows.finish()
     }
 
-    /// Begins pictures of this size.
+    /// Begins pictures of this size, to be written in bands of rows.
     pub(super) fn begin(self, size: [u32; 2]) -> Result<LayerRows, Error> {
         // Frames of a turntable are written one by one.
         let (Target::File(image) | Target::Frames(_, image)) = self.image;
@@ -132,16 +132,16 @@ impl Layers {
     }
 }
 
-/// Pictures of which some rows are written.
+/// Pictures with some of their rows written.
 pub(super) struct LayerRows(Vec<PngRows>);
 
 impl LayerRows {
-    /// Writes some more.
+    /// Writes more rows.
     pub(super) fn put(&mut self, part: &Image) -> Result<(), RenderError> {
         self.0.iter_mut().try_for_each(|rows| rows.put(part))
     }
 
-    /// Puts the files in their places.
+    /// Commits the files.
     pub(super) fn finish(self) -> Result<(), Error> {
         Ok(self.0.into_iter().try_for_each(PngRows::finish)?)
     }
@@ -210,7 +210,7 @@ pub fn render_file(
     })
 }
 
-/// A picture in memory, with title and legend as `outputs` says, whose `image` is the model's path.
+/// A picture in memory, with title and legend as in `outputs`, whose `image` is the model's path.
 ///
 /// # Errors
 /// The camera makes no sense, the plane of a slice does not meet the model, or the model has no labels for a legend.
@@ -229,7 +229,7 @@ pub(crate) fn framed<D: AsRef<[u8]>>(
     })
 }
 
-/// The parts of a legend that a picture shows; coarse boxes have several labels, so that of these all are taken.
+/// Legend entries to show: the labels seen, or all where coarse boxes hold several labels.
 fn shown_of(bodies: &Bodies<'_>, request: &RenderRequest, seen: BTreeSet<Seen>) -> BTreeSet<Seen> {
     match &bodies.legend {
         Some(legend) if request.lod && request.section.is_none() => {
@@ -258,8 +258,8 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
     thumbnail_within_pages(model, output, (size, threads), u64::MAX)
 }
 
-/// [`thumbnail_file`] with so many bytes of the model's pages in the process, and what one step of
-/// each thread adds.
+/// [`thumbnail_file`] with so many bytes of the model's pages in the process, and the growth in one step of each
+/// thread.
 pub(super) fn thumbnail_within_pages(
     model: &Path,
     output: &Path,
@@ -298,14 +298,14 @@ pub struct PictureReport {
 }
 
 impl PictureReport {
-    /// The report of a picture that is finished now.
+    /// The report of a finished picture.
     pub fn new(input: &Path, output: &Path, picture: RenderReport, warnings: Vec<String>) -> Self {
         let (input, output) = (data(input), data(output));
         Self { input, output, picture, warnings, peak_rss_bytes: peak_rss_bytes() }
     }
 }
 
-/// A picture never takes the place of the model, nor of another picture of the same call.
+/// Refuses outputs that would replace the model or another picture of the same call.
 pub(super) fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error> {
     let same = |a: &Path, b: &Path| {
         a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)

@@ -1,4 +1,4 @@
-//! `oct pores`: the cavities that a model encloses, or its separate bodies, one by one.
+//! `oct pores`: single cavities that a model encloses, or its separate bodies.
 
 mod components;
 mod gap;
@@ -43,7 +43,7 @@ const LARGEST: usize = 20;
 /// that can still be measured (VDI/VDE 2630-1.3).
 const RESOLVED_VOXELS: f64 = 3.0;
 
-/// Which components are measured.
+/// Selection and measures of components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PoresRequest {
     /// True for bodies, false for pores.
@@ -63,19 +63,19 @@ pub struct Pore {
     /// Label of a body of a model of labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub label: Option<u16>,
-    /// Samples times the volume of a voxel.
+    /// Volume in mm3: samples times the volume of a voxel.
     pub volume_mm3: f64,
     /// Area of the surface around it.
     pub area_mm2: f64,
-    /// Mean of its samples' places.
+    /// Mean position of its samples.
     pub at_mm: [f64; 3],
     /// Least and greatest coordinates of its voxels.
     pub box_mm: [[f64; 3]; 2],
-    /// Diameter of a ball of its volume.
+    /// Diameter of a ball of the same volume.
     pub equivalent_diameter_mm: f64,
-    /// Area of that ball over its area, at most 1.
+    /// Area of that ball over its own area, at most 1.
     pub sphericity: f64,
-    /// Samples.
+    /// Number of samples.
     pub samples: u64,
     /// True if its equivalent diameter is less than three voxels, along the axis where voxels are longest.
     pub below_resolution: bool,
@@ -84,7 +84,7 @@ pub struct Pore {
     pub gap_mm: Option<f64>,
 }
 
-/// Columns of the table; the gap comes last, where it is asked for.
+/// Columns of the table; the gap comes last, if it is asked for.
 const COLUMNS: &str = "id,label,volume_mm3,area_mm2,x,y,z,x_min,y_min,z_min,x_max,y_max,z_max,equivalent_diameter_mm,\
                        sphericity,samples,below_resolution";
 
@@ -107,19 +107,19 @@ impl Pore {
     }
 }
 
-/// What was found.
+/// Pores or bodies of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PoresReport {
     /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
-    /// Pores.
+    /// Number of pores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pores: Option<u64>,
-    /// Bodies, if these were asked for.
+    /// Number of bodies, if these were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bodies: Option<u64>,
-    /// Volume of the pores over that of solid and pores.
+    /// Porosity: volume of the pores over the volume of solid and pores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub porosity: Option<f64>,
     /// Volume of the pores.
@@ -127,11 +127,11 @@ pub struct PoresReport {
     pub pore_volume_mm3: Option<f64>,
     /// Volume inside: samples times the volume of a voxel.
     pub solid_volume_mm3: f64,
-    /// How many are below the resolution.
+    /// Components, or cells, below the resolution.
     pub below_resolution: u64,
-    /// How many were left out for their few samples.
+    /// Number of components left out for their few samples.
     pub below_least: u64,
-    /// The largest, at most 20.
+    /// The largest components, at most 20.
     pub largest: Vec<Pore>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
@@ -143,19 +143,19 @@ pub struct PoresReport {
 
 /// Finds the pores of a model of cells, or its bodies.
 ///
-/// Samples are those between the cells, at the volume's spacing. Pores are connected samples outside that the surface
-/// encloses; an opening of one sample joins them to the outside, and so does the border of the volume. Bodies are connected
-/// samples inside, of one label each. Volumes count samples; areas are those of the surface in the cells.
+/// Samples are at the corners of cells, at the volume's spacing. Pores are connected samples outside that the surface
+/// encloses; an opening of one sample joins them to the outside, and so does the border of the volume. Bodies are
+/// connected samples inside, of one label each. Volumes count samples; areas are areas of the surface in the cells.
 ///
-/// `table` becomes a CSV of them all.
+/// `table` is the path of a CSV of all components.
 ///
 /// Memory: as [`export`](super::export::export) of a mask, and some 150 bytes for each component of a slice. Cost: one pass
 /// over the model. Gaps take a bit a cell, 8 bytes for each run of samples that began a component, 24 bytes of temporary
 /// disk a cell, and a search for each cell of a pore.
 ///
 /// # Errors
-/// The model is damaged, has a skin of voxels (for gaps: labels, larger leaves, axes not at right angles), or keeps only what can be seen; the table cannot be written, and then is as
-/// it was before.
+/// The model is damaged, has a skin of voxels (for gaps: labels, larger leaves, axes not at right angles), or keeps
+/// only what can be seen; the table cannot be written, and is left as it was before.
 pub fn pores(
     input: &Path,
     request: PoresRequest,
@@ -234,13 +234,13 @@ pub fn pores(
     })
 }
 
-/// The surface that gaps are measured to.
+/// The outer surface, for gaps.
 fn surface_of<'a>(model: &Model, view: &'a ModelView<'a>, input: &Path) -> Result<Surface<'a>, Error> {
     refuse_larger_leaves(model, input, "gaps are")?;
     Ok(Surface::open(view, &model.affine(), model.dims()).map_err(|fault| fault.at(input))?)
 }
 
-/// Copies a table with a column more.
+/// Copies a table with one more column.
 fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> io::Result<()> {
     rows.rewind()?;
     let mut out = BufWriter::new(out);
@@ -254,7 +254,7 @@ fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> i
     out.flush()
 }
 
-/// Refuses a model that does not say what is inside.
+/// Refuses a model whose inside is not known.
 fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
     if let Some(seen_from) = model.metadata().seen_from() {
         return Err(keeps_part(seen_from, input).into());
@@ -272,7 +272,7 @@ fn count(samples: u64) -> f64 {
     samples as f64
 }
 
-/// From voxels to mm.
+/// Conversion from voxels to mm.
 struct Geometry {
     affine: Affine,
     columns: [[f64; 3]; 3],
@@ -281,7 +281,7 @@ struct Geometry {
 }
 
 impl Geometry {
-    /// `affine` leads from indices of cells to LPS mm.
+    /// From an affine of indices of cells to LPS mm.
     fn of(affine: &Affine) -> Self {
         Self {
             affine: affine.starting_at([0.5; 3]),
@@ -339,7 +339,7 @@ impl Geometry {
     }
 }
 
-/// Components and sums so far.
+/// Components and sums so far, and the outputs.
 struct Found {
     components: Components,
     least: u64,
@@ -350,7 +350,7 @@ struct Found {
     below_resolution: u64,
     below_least: u64,
     largest: Vec<Pore>,
-    /// Cells for gaps, and the components that ended with their pores' numbers.
+    /// Notes for gaps: cells, and components that have ended, with their pores' numbers.
     notes: Option<Notes>,
     ends: Vec<(u32, u32)>,
 }
@@ -411,7 +411,7 @@ impl Found {
 }
 
 impl PoresReport {
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let mut text = self.head();
         let columns = ["no.", "volume mm3", "diameter mm", "sphericity", "at x, y, z mm (LPS)"];

@@ -1,10 +1,10 @@
 //! Pictures within a cap of the process's resident memory.
 //!
-//! What a picture needs of its own is known before: bands of rows, as many as fit. The pages of the model that rays look
-//! at are the system's, which has them in its cache in any case; but they count as the process's. So work is done in
-//! small steps (a tile of rays, some rays of ambient occlusion), of which the most that one adds is known. A look at what
-//! the process has tells how many may be taken before the next look; where that is near the cap, all pages of the model
-//! are given back: what is looked at again comes back from the cache. A picture does not depend on any of this.
+//! The memory of the picture itself is known in advance: bands of rows, as many as fit. The pages of the model that
+//! rays look at belong to the system, which has them in its cache in any case; but they count as the process's. So work
+//! is done in small steps (a tile of rays, some rays of ambient occlusion), of which the largest growth is known. A
+//! look at the resident memory tells how many steps may be taken before the next look; near the cap, all pages of the
+//! model are given back, and come back from the cache when they are needed. The picture does not depend on any of this.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
@@ -14,16 +14,17 @@ use crate::platform;
 use crate::render::{RenderError, RenderFault};
 use crate::scene::Look;
 
-/// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
-/// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
-/// pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MAX_STEP`].
+/// Largest growth in a step: pages of the model, of which the system maps 16 at a time. It rises with the distance
+/// between the boxes that neighbouring pixels show. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16
+/// boxes to a pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MAX_STEP`].
 const STEP: u64 = 3 << 19;
-/// Most that a step of cells adds, of which more sections are read: in noise of 384^3 at two boxes to a pixel 2.1 MiB.
+/// Largest growth in a step of cells, of which more sections are read: in noise of 384^3 at two boxes to a pixel 2.1
+/// MiB.
 const STEP_OF_CELLS: u64 = 5 << 19;
 const STEP_A_BOX: f64 = 50.0 * 1024.0;
 const MAX_STEP: u64 = 20 << 20;
 
-/// Pages of the model that are kept in any case; fewer, and they come and go all the time.
+/// Pages of the model that are kept in any case; with fewer, they would be evicted all the time.
 const KEPT_PAGES: u64 = 3 << 20;
 
 /// Bytes of a file that the system maps together.
@@ -32,37 +33,37 @@ const MAPPED_AT_A_TIME: u64 = 64 << 10;
 /// Pixels along a tile of rays.
 const TILE: u32 = 8;
 
-/// Fewest pixels of a band, if its 8 rows are not more.
+/// Fewest pixels of a band, unless its 8 rows are more.
 const MIN_BAND: u32 = 1 << 13;
 
 /// Bytes of a pixel of a whole picture.
 const WHOLE_PIXEL: u64 = 4;
 
-/// Looks after the process's memory while a picture is made.
+/// Keeps the process's memory to a cap while a picture is made.
 pub(super) struct Relief<'a> {
     limit_bytes: Option<u64>,
     give_back: &'a (dyn Fn() + Sync),
     gave: AtomicBool,
-    /// Steps before the next look.
+    /// Steps before the next look at the memory.
     steps: AtomicI64,
-    /// Most that a step adds.
+    /// Largest growth in a step.
     step_bytes: AtomicU64,
     threads: u64,
-    /// Pixels of whole pictures that are held in addition to the bands.
+    /// Pixels of whole pictures that are held beyond the bands.
     held_pixels: u64,
-    /// Pages that the model has.
+    /// Size of the model's pages.
     model_bytes: u64,
-    /// True if there is room for all of them, so that nothing has to be looked at.
+    /// True if all pages fit, so that the memory need not be looked at.
     fits_whole: AtomicBool,
-    /// Bytes that there are in any case: known before the first picture is made.
+    /// Memory of the process without pages of the model: known before the first picture is made.
     base_bytes: OnceLock<u64>,
-    /// The model, where the cap is one of its pages alone.
+    /// The mapped model, if only its pages are capped.
     mapped: Option<&'a [u8]>,
 }
 
 impl<'a> Relief<'a> {
-    /// Keeps to a cap, if there is one, by giving pages of a model of so many bytes back; `held_pixels` of whole pictures
-    /// are in memory together.
+    /// Keeps to a cap, if there is one, by giving pages of a model of so many bytes back; `held_pixels` of whole
+    /// pictures are in memory at a time.
     pub(super) fn new(
         limit_bytes: Option<u64>,
         threads: usize,
@@ -70,7 +71,7 @@ impl<'a> Relief<'a> {
         (model_bytes, give_back): (u64, &'a (dyn Fn() + Sync)),
     ) -> Self {
         if limit_bytes.is_some() {
-            // Code that started the program and opened the model.
+            // Code of the program's start and of opening the model.
             platform::give_back();
         }
         Self {
@@ -100,12 +101,12 @@ impl<'a> Relief<'a> {
         Self { limit_bytes, mapped: Some(mapped), ..relief }
     }
 
-    /// Without a cap.
+    /// Relief without a cap.
     pub(super) fn none() -> Self {
         Self::new(None, 1, 0, (0, &|| {}))
     }
 
-    /// Pixels of a band that fit, `None` for as many as usual; a pixel is so many boxes, or cells, wide.
+    /// Pixels of a band that fit, `None` for the usual number; a pixel is so many boxes, or cells, wide.
     ///
     /// # Errors
     /// [`RenderError`] when the fewest do not fit.
@@ -127,7 +128,7 @@ impl<'a> Relief<'a> {
         if self.mapped.is_some() {
             return Ok(None);
         }
-        // No picture touches more than the model has.
+        // No picture touches more than the model's pages.
         let pages = KEPT_PAGES + self.under_way();
         self.fits_whole.store(self.model_bytes <= pages, Ordering::Relaxed);
         let base = *self.base_bytes.get_or_init(|| self.base()) + pages.min(self.model_bytes);
@@ -150,8 +151,8 @@ impl<'a> Relief<'a> {
         self.gave.load(Ordering::Relaxed)
     }
 
-    /// To be called after each step: looks how much the process has when that may have come near the cap, and gives
-    /// back what is too much.
+    /// To be called after each step: looks at the resident memory when it may have come near the cap, and gives back
+    /// the pages in excess.
     ///
     /// Cost: without a cap none; a look reads a file of the system, some microseconds.
     pub(super) fn look(&self) {
@@ -163,7 +164,7 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// [`Relief::look`] where the steps before cannot be counted.
+    /// [`Relief::look`] where the steps so far cannot be counted.
     pub(super) fn look_now(&self) {
         let Some(limit_bytes) = self.limit_bytes else { return };
         let room = limit_bytes.saturating_sub(self.resident_bytes());
@@ -176,14 +177,14 @@ impl<'a> Relief<'a> {
                 self.gave.store(true, Ordering::Relaxed);
                 (self.give_back)();
                 if self.mapped.is_none() && resident_bytes().saturating_add(self.under_way()) > limit_bytes {
-                    // What has run once, and is larger than it is counted for where it is not optimised.
+                    // Code that runs only once, and is larger than its estimate in builds without optimisation.
                     platform::give_back();
                 }
             }
         }
     }
 
-    /// What is capped, as it is now.
+    /// The present size of the capped memory.
     fn resident_bytes(&self) -> u64 {
         match self.mapped {
             Some(mapped) => mapped_rss_bytes(mapped).unwrap_or(0),
@@ -191,19 +192,19 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// Bytes that the process has in any case, with whole pictures.
+    /// Memory of the process without pages of the model, whole pictures included.
     fn base(&self) -> u64 {
         let held = WHOLE_PIXEL * self.held_pixels;
         own_rss_bytes() + costs::CODE_BYTES + held
     }
 
-    /// Room for the steps that all threads are at, and for one more.
+    /// Room for the present steps of all threads, and for one more.
     fn under_way(&self) -> u64 {
         (self.threads + 1).saturating_mul(self.step_bytes.load(Ordering::Relaxed))
     }
 }
 
-/// The least that is said to do is a little more, as no two runs are the same.
+/// The stated minimum is a little higher than needed, as no two runs are the same.
 fn too_small(limit_bytes: u64, minimum_bytes: u64) -> RenderError {
     let minimum_bytes = (minimum_bytes + costs::HELD_SPREAD).next_multiple_of(costs::STATED_STEP);
     RenderError::from(RenderFault::Memory { limit_bytes, minimum_bytes })

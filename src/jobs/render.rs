@@ -1,4 +1,4 @@
-//! Pictures of models and scenes in memory: what is asked of one, and how it was made; and the traversal's self-check.
+//! Pictures of models and scenes in memory: request and report; and the traversal's self-check.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -21,23 +21,23 @@ use crate::render::{
 };
 use crate::scene::{self, Counts, LabelRule, Look, Part, Scene, Section, Seen, Watch};
 
-/// A picture of a model or of a scene. `None` leaves an option to the scene; a model by itself has the defaults that are
-/// named.
+/// A picture of a model or of a scene. `None` leaves an option to the scene; a single model has the defaults that are
+/// stated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderRequest {
-    /// Pixels in a row, and rows; 1024 x 1024.
+    /// Width and height in pixels; 1024 x 1024.
     pub size: Option<[u32; 2]>,
-    /// Where the camera stands; the front.
+    /// Position of the camera; the front.
     pub point: Option<ViewPoint>,
-    /// How its lines of sight run; parallel.
+    /// Projection of the camera; parallel.
     pub projection: Option<Projection>,
     /// Angle in degrees between the bottom and the top of the picture; [`RenderRequest::FOV_DEG`].
     pub fov_deg: Option<f64>,
     /// Magnification about the picture's middle, 0.01 to 1000.
     pub zoom: f64,
-    /// The light; soft, or a scene's own lights.
+    /// Light; soft, or a scene's own lights.
     pub shading: Option<Shading>,
-    /// The normals that are shown, in the normal image, too.
+    /// Normals of the shading and of the normal image.
     pub smoothing: Smoothing,
     /// Ambient occlusion rays per pixel, at most 1024, unless light is plain; averaging over nearby pixels makes them
     /// about sixteen times as many. 0 for the default: 1 for soft light, 4 for ambient occlusion, or the scene's own
@@ -45,14 +45,14 @@ pub struct RenderRequest {
     pub ambient_rays: u32,
     /// Rays of a pixel's colours; `Auto`.
     pub samples: Option<Samples>,
-    /// Stop at nodes about as small as a pixel instead of at voxels. Models of which labels are hidden, translucent or cut
-    /// are shown exactly.
+    /// True to stop at nodes about as small as a pixel instead of at voxels. Models of which labels are hidden,
+    /// translucent or cut are shown exactly.
     pub lod: bool,
-    /// With `lod`, boxes 2^this times as large as they would be.
+    /// With `lod`, boxes are larger by 2^this.
     pub lod_bias: i8,
     /// Target of the rays: the first box that the line intersects, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
-    /// Colour (sRGB) of models without colours of their own; that of bone, or of a scene's materials.
+    /// Colour (sRGB) of models without colours of their own; the colour of bone, or of a scene's materials.
     pub color: Option<[u8; 3]>,
     /// Colour map of measured values; the quantity's own.
     pub value_map: Option<ColorMap>,
@@ -60,23 +60,23 @@ pub struct RenderRequest {
     pub value_range: Option<[f64; 2]>,
     /// Colour (sRGB) behind everything; transparent.
     pub background: Option<[u8; 3]>,
-    /// The part of all models that is left: low and high bounds along each axis in mm, which may be infinite.
+    /// The part of all models that is shown: low and high bounds along each axis in mm, which may be infinite.
     pub clip_mm: Option<[[f64; 2]; 3]>,
-    /// A slice instead of a view; it counts before where the camera stands, and has no light.
+    /// A slice instead of a view; it has no light and takes precedence over the camera.
     pub section: Option<Section>,
-    /// Which labels are seen, later rules before earlier ones, and before those of a scene.
+    /// Visibility of labels; later rules override earlier ones, and rules of a scene.
     pub labels: Vec<LabelRule>,
-    /// Draw a scale bar and the patient's sides below the picture.
+    /// True to draw a scale bar and the patient's sides below the picture.
     pub annotate: bool,
-    /// Make a depth image, too.
+    /// True to make a depth image, too.
     pub depth: bool,
-    /// Make a normal image, too.
+    /// True to make a normal image, too.
     pub normals: bool,
-    /// Make an image of the numbers of boxes or labels, too ([`Image::ids`]).
+    /// True to make an image of the numbers of boxes or labels, too ([`Image::ids`]).
     pub ids: bool,
     /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
-    /// Cap of the whole process's resident memory in bytes; kept by what renders files.
+    /// Cap of the whole process's resident memory in bytes; kept only where files are rendered.
     pub memory_bytes: Option<u64>,
 }
 
@@ -89,8 +89,8 @@ impl RenderRequest {
 }
 
 impl Default for RenderRequest {
-    /// 1024 x 1024, parallel from the front, exact voxels, soft light, smooth edges, one thread per core; of a scene what it
-    /// says.
+    /// 1024 x 1024, parallel from the front, exact voxels, soft light, smooth edges, one thread per core; options of a
+    /// scene are left to it.
     fn default() -> Self {
         Self {
             size: None,
@@ -122,7 +122,7 @@ impl Default for RenderRequest {
     }
 }
 
-/// How a picture was made.
+/// Figures of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RenderReport {
@@ -185,7 +185,7 @@ pub struct RenderReport {
 }
 
 impl RenderReport {
-    /// This picture and another one, as one.
+    /// The sums of this picture and another one.
     pub(super) fn and(self, other: &Self) -> Self {
         let mut sum = self;
         crate::render::add_counts!(sum, other: rays, hits, shadow_rays, mirrored_rays, refracted_rays, ambient_rays,
@@ -203,8 +203,8 @@ impl RenderReport {
 
 /// Makes a picture of a model placed by `dims` and `affine`.
 ///
-/// The picture depends on the model and the request only: not on the machine, nor on the threads. Rules about labels need
-/// a table of labels, which a view has not.
+/// The picture depends on the model and the request only: not on the machine, nor on the threads. Rules about labels
+/// need a table of labels, which a view lacks.
 ///
 /// # Errors
 /// [`RenderError`] for a camera or a size that makes no sense, and for a model without a volume.
@@ -235,11 +235,11 @@ fn render_within(
     Ok((image, report))
 }
 
-/// Models in their places, and what their scene says of the picture.
+/// Models in their places, and the options of their scene.
 pub(super) struct Bodies<'a> {
     pub(super) parts: &'a [Part<'a>],
     pub(super) scene: &'a Scene,
-    /// Lines for what may be seen, if a legend is wanted.
+    /// Entries of visible labels, if a legend is wanted.
     pub(super) legend: Option<Vec<(Seen, Entry)>>,
     /// The colours of values, if a legend is wanted and values are shown.
     pub(super) ramp: Option<Ramp>,
@@ -268,7 +268,7 @@ impl Bodies<'_> {
     }
 }
 
-/// A picture in memory, and what it shows if the request or a legend asks for that.
+/// A picture in memory, and the labels that it shows if the request or a legend needs them.
 ///
 /// # Errors
 /// Errors of [`render_view`].
@@ -292,8 +292,7 @@ pub(super) fn paint_whole(
     Ok((whole.unwrap_or_else(|| Image::blank([0; 2], [false; 3])), report, seen))
 }
 
-/// [`paint_whole`] some rows after the others: the picture is never held as a whole. Each part has the width of the
-/// picture.
+/// [`paint_whole`] in bands of rows: the picture is never held as a whole. Each part has the width of the picture.
 ///
 /// # Errors
 /// Errors of [`render_view`] and of `take`.
@@ -324,15 +323,15 @@ pub(super) fn paint_parts(
     Ok((prepared.report(bodies, request, &counts), seen))
 }
 
-/// A picture whose camera stands.
+/// A picture with its camera placed.
 pub(super) struct Prepared {
     start: Instant,
     pub(super) look: Look,
-    /// The strip below the picture.
+    /// Style of the strip below the picture.
     style: Option<Style>,
-    /// Time that it took to get here.
+    /// Time of the preparation.
     setup: Duration,
-    /// Depths of the models in mm.
+    /// Nearest and farthest depth of the models in mm.
     range_mm: (f64, f64),
 }
 
@@ -350,8 +349,8 @@ impl Prepared {
         let height = height - style.map_or(0, Style::bar_rows);
         let mut levels = vec![0; parts.len()];
         if request.lod && request.section.is_none() {
-            // A first look, by boxes of which there are few, tells how large the boxes of the picture are; more of the
-            // file is not needed to place the camera.
+            // A first pass over a few large boxes tells how large the boxes of the picture are; to place the camera, no
+            // more of the file is needed.
             let few = |part: &Part<'_>| part.space().dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
             let first = |number: usize| parts.get(number).map_or(0, few);
             let camera = place(bodies, request, [width, height], relief, &first)?;
@@ -376,7 +375,7 @@ impl Prepared {
             width,
             height,
             near_mm: scene.camera.near_mm,
-            // Light on the colours of values would make a legend lie.
+            // Light would falsify the colours of values against the legend.
             shading: request
                 .shading
                 .or(scene.shading.map(|own| if shows_values { Shading::Flat } else { own })),
@@ -385,7 +384,7 @@ impl Prepared {
             background: bodies.ground(request).map(linear_of),
             bounces: scene.bounces,
             samples: request.samples.or(scene.samples).unwrap_or_default(),
-            // Pictures by level of detail are made for speed.
+            // Pictures by level of detail favour speed.
             creases: !request.lod,
             smoothing: request.smoothing,
             traversal: request.traversal,
@@ -402,7 +401,7 @@ impl Prepared {
         Ok(Self { start, look, style, setup: start.elapsed(), range_mm })
     }
 
-    /// Boxes side by side in the farthest pixel, of the model with the smallest ones.
+    /// Boxes side by side in the farthest pixel, for the model with the smallest ones.
     fn boxes_wide(&self, bodies: &Bodies<'_>) -> f64 {
         let pixel_mm = self.look.camera.pixel_mm(self.look.height, self.range_mm.1);
         let wide = bodies.parts.iter().zip(&self.look.levels).map(|(part, level)| {
@@ -499,12 +498,12 @@ fn place(
     Camera::new(point, projection, fov, aspect, frame)?.zoomed(request.zoom)
 }
 
-/// Levels of the octree that tell roughly where a model is.
+/// Levels of the octree for a rough extent of a model.
 const FIRST_LOOK_LEVELS: u32 = 6;
 
-/// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, or as much more
-/// as is asked for; 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
-/// but no mean ones.
+/// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, plus the bias;
+/// 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals but no mean
+/// ones.
 fn level_of_detail(part: &Part<'_>, camera: &Camera, (height, bias): (u32, i8), near_mm: f64) -> u32 {
     let (view, space) = (part.view(), part.space());
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
@@ -516,11 +515,11 @@ fn level_of_detail(part: &Part<'_>, camera: &Camera, (height, bias): (u32, i8), 
     if k >= 2 { k } else { 0 }
 }
 
-/// A volume is flat if it shows this many times more of itself from another side than from the front.
+/// Ratio of the area from another side to the area from the front beyond which a volume is flat.
 const FLAT: f64 = 4.0;
 
-/// The front, or the side from which a flat volume (one slice, a few) shows what is in it: axial slices from
-/// below, as they are read in radiology, sagittal ones from the patient's left.
+/// The front, or the side from which a flat volume (one slice, a few) shows its content: axial slices from below, as
+/// they are read in radiology, sagittal ones from the patient's left.
 fn thumbnail_view(dims: Dims, affine: &Affine) -> NamedView {
     let sides = dims.to_array();
     // Extent of the box along each patient axis.
@@ -585,7 +584,7 @@ pub fn selfcheck(
     seed: u64,
     threads: usize,
 ) -> Result<Mismatches, RenderError> {
-    // Of larger leaves only the cells are compared, which needs no volume.
+    // With larger leaves only the cells are compared, which needs no volume.
     let bits = if view.has_leaves() { BitVolume::new(0) } else { BitVolume::decode(view) };
     let bits = bits.ok_or_else(|| {
         RenderError::from(RenderFault::TooDeep { depth: view.depth(), most: BitVolume::MAX_DEPTH })

@@ -1,4 +1,4 @@
-//! `oct scan`: what would be converted, and why the rest would be refused, without converting anything.
+//! `oct scan`: the volumes that would be converted, and reasons against the rest, without converting anything.
 
 mod report;
 
@@ -18,11 +18,11 @@ use crate::source::{Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::volume::{Overlap, VolumeSource, sentences};
 
-/// Lists the volumes below some inputs; calls `each` for one after the other, and returns what was left out,
-/// with the number of usable and of refused volumes.
+/// Lists the volumes below some inputs; calls `each` for one after the other, and returns the files left out, with the
+/// numbers of usable and of refused volumes.
 ///
 /// The segments of a segmentation are one volume, with the number of the first. Headers state labels; with `values` all
-/// else is read, too, so that those that no header states are recognised: as slow as reading all volumes.
+/// other volumes are read, too, to recognise labels that no header states: as slow as reading all volumes.
 ///
 /// # Errors
 /// An input cannot be read at all, or `each` fails.
@@ -41,7 +41,7 @@ pub fn scan(
         let turn = claims.turn(at);
         let before = number;
         for (part, mut finding) in catalogue.open(at).into_iter().enumerate() {
-            // Those that are passed over have numbers, too.
+            // Volumes that are passed over have numbers, too.
             number += 1 + finding.more;
             let mut listed = list(before + finding.at + 1, &finding);
             if let (true, Ok(Subject::Volume(source))) =
@@ -50,7 +50,7 @@ pub fn scan(
                 listed.look(&mut **source);
             }
             if listed.usable {
-                // As a batch names it.
+                // The same name as in a batch.
                 match turn.claim(&finding, (at, part), &|finding, owner| catalogue.is_copy(finding, owner)) {
                     Claim::CopyOf(name) => {
                         listed.refuse(copy_of(&name));
@@ -122,18 +122,18 @@ fn list(number: usize, finding: &Finding) -> Listed {
 }
 
 impl Listed {
-    /// Reads the values of a volume: they may be labels, or cannot be read.
+    /// Reads the values of a volume, to recognise labels or unreadable files.
     fn look(&mut self, source: &mut dyn VolumeSource) {
         let options = BuildOptions::default();
         let output = std::env::temp_dir().join("x");
         match look(source, &CleanOptions::default(), &options, &output, &Silent) {
             Ok(Values::Labels(count)) => self.label_count = Some(count),
             Err(Error::Source(error)) => self.refuse(error.to_string()),
-            // Values that are all alike are no reason to refuse a volume here.
+            // Values that are all alike do not refuse a volume here.
             Ok(Values::Mixed(..)) | Err(_) => {}
         }
     }
 }
 
-/// Most files that are left out of which a list has the names.
+/// Most left-out files that a list names.
 const MAX_NAMED: usize = 10_000;

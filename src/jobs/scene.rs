@@ -1,4 +1,4 @@
-//! Models on disk in their places: a scene of several, or one by itself.
+//! Models on disk in their places: a scene of several, or a single one.
 
 use std::fmt::Display;
 use std::io::Read;
@@ -35,7 +35,7 @@ pub fn is_scene(path: &Path) -> bool {
 /// Reads the text of a scene.
 ///
 /// # Errors
-/// The file cannot be read, or [`Error::Scene`] with what is wrong in it.
+/// The file cannot be read, or [`Error::Scene`] with the fault in it.
 pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     let unreadable =
         |cause| Error::Load(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }));
@@ -52,13 +52,13 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     scene::read(&text).map_err(wrong)
 }
 
-/// The scene of a text, or a model by itself, as the request wants it.
+/// The scene in a text, or of a single model, as the request wants it.
 fn scene_at(path: &Path, request: &RenderRequest) -> Result<Scene, Error> {
     let scene = if is_scene(path) { read_scene(path)? } else { alone(path) };
     Ok(scene.shown_as(request.color, request.clip_mm))
 }
 
-/// A model by itself.
+/// The scene of a single model.
 fn alone(path: &Path) -> Scene {
     Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()))
 }
@@ -67,12 +67,12 @@ fn alone(path: &Path) -> Scene {
 struct Files {
     paths: Vec<PathBuf>,
     models: Vec<Model>,
-    /// The file of each model of the scene.
+    /// Index of the file of each model of the scene.
     of: Vec<usize>,
 }
 
 impl Files {
-    /// Opens what a scene names, beside its own file.
+    /// Opens the files that a scene names, relative to its own file.
     fn open(scene_path: &Path, scene: &Scene) -> Result<Self, Error> {
         let folder = scene_path.parent().unwrap_or(Path::new(""));
         let (mut known, mut files): (Vec<PathBuf>, _) =
@@ -148,13 +148,13 @@ fn legend<D: AsRef<[u8]>>(
     Ok(entries)
 }
 
-/// The rules on labels of a model: its own, and those of the request that name one of its labels.
+/// The rules on labels of a model: its own, and the request's for its labels.
 fn rules_of(placed: &SceneModel, request: &RenderRequest, table: &[Label]) -> Vec<LabelRule> {
     let names_one = |rule: &&LabelRule| table.iter().any(|label| rule.labels.contains(label));
     placed.labels.iter().chain(request.labels.iter().filter(names_one)).cloned().collect()
 }
 
-/// A model as a scene has it, its file, what is read of that with its number, and its path.
+/// A model of a scene, its file, its view with the file's number, and its path.
 type Placed<'a, D> = (&'a SceneModel, &'a Model<D>, (&'a ModelView<'a>, usize), &'a Path);
 
 /// The models in their places.
@@ -184,7 +184,7 @@ fn parts<'a, D: AsRef<[u8]>>(
         let key = |name| Key { table: Table::Model(number), name };
         let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
         let opacity = opacity(model, file, placed, request)?;
-        // By itself a model is shown in its colours, and everywhere in those of its labels.
+        // A single model is shown in its colours, and models everywhere in the colours of their labels.
         let shown = match placed.coloring {
             Coloring::Own if opacity.is_some() || !is_scene(path) || view.0.value_colors().is_some() => {
                 &Coloring::Stored
@@ -209,7 +209,7 @@ fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Part<'_>]) -> Option<
     Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view().value_colors()?))
 }
 
-/// The models in their places, whose picture is as large as can be, and whose slice meets something.
+/// Calls `job` with the models in their places; refuses an impossible size, and a slice that meets nothing.
 fn with_bodies<D: AsRef<[u8]>, T>(
     path: &Path,
     scene: &Scene,
@@ -238,7 +238,7 @@ fn with_bodies<D: AsRef<[u8]>, T>(
         check_section(path, section, &bodies)?;
     }
     job(&bodies).map_err(|error| match error {
-        // A fault of the command line is reported as elsewhere.
+        // An error of the command line is reported as elsewhere.
         Error::Render(error) if of_scene && request.point.is_none() && request.fov_deg.is_none() => {
             match error.fault() {
                 RenderFault::Camera(fault) => {
@@ -252,7 +252,7 @@ fn with_bodies<D: AsRef<[u8]>, T>(
     })
 }
 
-/// [`with_bodies`] of one model in memory; `path` is its name in sentences.
+/// [`with_bodies`] for one model in memory; `path` is its name in sentences.
 pub(super) fn with_model<D: AsRef<[u8]>, T>(
     path: &Path,
     model: &Model<D>,
@@ -299,7 +299,7 @@ pub(crate) fn camera_of<D: AsRef<[u8]>>(
     })
 }
 
-/// A scene, or a model by itself, with its files open.
+/// A scene, or a single model, with its files open.
 pub(super) struct OpenScene {
     path: PathBuf,
     scene: Scene,
@@ -307,14 +307,14 @@ pub(super) struct OpenScene {
 }
 
 impl OpenScene {
-    /// Opens a scene or a model, in the colour and cut of a request.
+    /// Opens a scene or a model, with the colour and cut of a request.
     pub(super) fn open(path: &Path, request: &RenderRequest) -> Result<Self, Error> {
         let scene = scene_at(path, request)?;
         let files = Files::open(path, &scene)?;
         Ok(Self { path: path.to_path_buf(), scene, files })
     }
 
-    /// The models' files.
+    /// Paths of the models' files.
     pub(super) fn paths(&self) -> &[PathBuf] {
         &self.files.paths
     }
@@ -341,12 +341,12 @@ impl OpenScene {
         Ok(files.try_for_each(|(model, path)| model.check_unchanged(path))?)
     }
 
-    /// Where a turntable begins.
+    /// First view of a turntable.
     pub(super) fn view(&self) -> Option<ViewPoint> {
         self.scene.camera.view.map(ViewPoint::Named)
     }
 
-    /// Does something with the models in their places, and a legend of them if that is wanted.
+    /// Calls `work` with the models in their places, and a legend of them if that is wanted.
     pub(super) fn with<T>(
         &self,
         wanted: (&RenderRequest, bool),
@@ -364,7 +364,7 @@ impl OpenScene {
         with_bodies(&self.path, &self.scene, &placed, wanted, job)
     }
 
-    /// Least and greatest corner of all that is in it, in LPS mm.
+    /// Least and greatest corner of all models, in LPS mm.
     pub(super) fn extent(&self) -> Result<[[f64; 3]; 2], Error> {
         self.with((&RenderRequest::default(), false), |bodies| {
             let reach = |axis: usize, sign: f64| {
@@ -376,7 +376,7 @@ impl OpenScene {
         })
     }
 
-    /// Its own view, as pages write theirs; empty without one.
+    /// Its own view, in the form that pages write; empty without one.
     pub(super) fn start(&self) -> String {
         let own = &self.scene.camera;
         let text = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);

@@ -72,7 +72,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
     ]
 }
 
-/// The schema of what a type prints, without references and alternatives.
+/// The schema of a type's output, without references and alternatives.
 fn schema<T: JsonSchema>() -> Value {
     let settings = SchemaSettings::draft2020_12().for_serialize().with(|s| s.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
@@ -155,7 +155,7 @@ fn join(words: &mut Map<String, Value>, alternatives: Vec<Value>) {
         }
         let text = own.remove("description").unwrap_or_default();
         if let Some(Value::Object(mut properties)) = own.remove("properties") {
-            // A variant is an object of one key, and its comment is of the object.
+            // A variant is an object with one key, and its comment describes the object.
             let undescribed = properties.values_mut().filter_map(Value::as_object_mut);
             for member in undescribed {
                 member.entry("description").or_insert(text.clone());
@@ -264,15 +264,15 @@ fn a_key_means_the_same_in_every_command() {
         lines(&schema, "", &mut all);
         for [key, _, meaning] in all {
             assert!(!meaning.is_empty() && meaning.len() < 200, "{name}: {key} is not described: {meaning}");
-            // The model of a batch's item has the keys of a build; a list of a volume those of a list.
+            // The model of a batch's item has the keys of a build; a listed volume has the keys of a list.
             let key = key.strip_prefix("items[].model.").map_or(key.clone(), str::to_owned);
             if !key.contains('.') || key.starts_with("items[].") {
                 meanings.entry(key).or_default().entry(meaning).or_insert(name);
             }
         }
     }
-    // A batch's range is a list, which other programs rely on; a thumbnail there is a name in its folder. Cells are counted
-    // by `selfcheck` where they differ, and by measurements whole, both as their contracts name them.
+    // A batch's range is a list, which other programs rely on; a thumbnail there is a name in its folder. `selfcheck`
+    // counts differing cells, measurements count all, both by the names of their contracts.
     let excepted = ["cells", "range", "thumbnail", "items[].reason", "items[].cause"];
     for (key, all) in meanings {
         assert!(all.len() == 1 || excepted.contains(&key.as_str()), "{key}: {all:#?}");

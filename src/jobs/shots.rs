@@ -12,16 +12,16 @@ use crate::render::image::{ImageFile, PngLayer};
 use crate::render::{Image, NamedView, ViewPoint};
 use crate::scene::Seen;
 
-/// Which pictures are made.
+/// Number and arrangement of the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shots {
-    /// One.
+    /// One picture.
     #[default]
     One,
     /// Six sides on one sheet.
     Contact,
-    /// So many, all around: an animated PNG, or a GIF where the name says so; or a file for each, where the output is a
-    /// folder, ends with a slash, or has a number's place in its name, as `turn-%03d.png` has.
+    /// So many pictures, all around: an animated PNG, or a GIF by the output's name; or a file for each, where the
+    /// output is a folder, ends with a slash, or has a number's place in its name, as `turn-%03d.png` has.
     Turntable(u32),
 }
 
@@ -38,7 +38,7 @@ pub(super) enum FrameNames {
 const DIGITS: usize = 4;
 
 impl FrameNames {
-    /// Names by an output; `None` where it is one file.
+    /// Names by an output; `None` for a single file.
     pub(super) fn of(output: &Path) -> Option<Self> {
         if output.as_os_str().as_encoded_bytes().ends_with(b"/") || output.is_dir() {
             return Some(Self::In(output.to_path_buf()));
@@ -65,7 +65,7 @@ impl FrameNames {
         }
     }
 
-    /// Makes the folder that was named, in one that is there.
+    /// Makes the folder, whose parent must exist.
     fn make_folder(&self) -> Result<(), Error> {
         match self {
             Self::In(folder) if !folder.is_dir() => {
@@ -93,23 +93,23 @@ const SHEET: [[NamedView; 3]; 2] = [
 const TURN_MS: u32 = 6000;
 
 impl Shots {
-    /// Pixels of whole pictures that are in memory together, where one is as large as this.
+    /// Pixels of whole pictures that are in memory at a time, for pictures of this size.
     pub(super) fn held_pixels(self, [width, height]: [u32; 2], legend: bool) -> u64 {
         let one = u64::from(width) * u64::from(height);
-        // With numbers of boxes, and again with the legend.
+        // Numbers of boxes are held, too, and the picture again with the legend.
         let labelled = if legend { 5 * one } else { 0 };
         labelled
             + match self {
                 // Made and written in bands.
                 Self::One => 0,
-                // A picture, and what it is compressed to: no more than that.
+                // A picture, and its compressed form, which is no larger.
                 Self::Turntable(_) => 2 * one,
-                // A sheet, and a side on its way there.
+                // The sheet, and one side of it.
                 Self::Contact => one + one / 6,
             }
     }
 
-    /// Rows of all pictures, where one has so many.
+    /// Rows of all pictures, for pictures of so many rows.
     fn rows(self, height: u32) -> u64 {
         match self {
             Self::One => height.into(),
@@ -119,7 +119,7 @@ impl Shots {
     }
 }
 
-/// A watcher of several pictures as of one piece of work.
+/// A watcher that counts several pictures as one piece of work.
 struct Several<'a>(&'a dyn Progress);
 
 impl Progress for Several<'_> {
@@ -134,13 +134,13 @@ impl Progress for Several<'_> {
     }
 }
 
-/// One picture: the place of the camera, unless it is the usual one, and the size.
+/// One picture: the position of the camera, unless it is the usual one, and the size.
 pub(super) struct Shot {
     pub(super) point: Option<ViewPoint>,
     pub(super) size: [u32; 2],
 }
 
-/// Makes the pictures of one call and writes them; `take` makes one. A turntable begins at the view named.
+/// Makes the pictures of one call and writes them; `take` makes one. A turntable begins at the named view.
 pub(super) fn write(
     shots: Shots,
     layers: Layers,
@@ -175,7 +175,7 @@ pub(super) fn write(
                 let degrees = 360.0 * f64::from(number) / f64::from(count);
                 ViewPoint::Turned { view, degrees }
             };
-            // All labels: those of one picture would come and go.
+            // All labels: the visible ones would change from picture to picture.
             let mut picture = |number| Ok(frame.around(at(place(number), size)?, None));
             match layers.image {
                 Target::File(file) => Image::write_frames_to(file, frame.size(), count, TURN_MS, picture),
@@ -193,7 +193,7 @@ pub(super) fn write(
     }
 }
 
-/// Six sides of one thing on a sheet of this size; `take` makes a picture.
+/// Six sides of a subject on a sheet of this size; `take` makes a picture.
 fn sheet(
     [width, height]: [u32; 2],
     mut take: impl FnMut(NamedView, [u32; 2]) -> Result<Image, Error>,

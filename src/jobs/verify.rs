@@ -80,7 +80,7 @@ fn opened(path: &Path) -> Result<(PositionalFile, Frame), LoadError> {
     Ok((file, frame))
 }
 
-/// Checks a file that nothing is written to meanwhile.
+/// Checks a file, and that it is not written to meanwhile.
 fn check(file: &PositionalFile, path: &Path) -> Result<(), Error> {
     let then = FileIdentity::of(file)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
@@ -91,7 +91,7 @@ fn check(file: &PositionalFile, path: &Path) -> Result<(), Error> {
 }
 
 impl VerifyReport {
-    /// One sentence.
+    /// Report in one sentence.
     pub fn text(&self) -> String {
         format!(
             "{}: sound ({} {}, {} nodes, {})\n",

@@ -1,12 +1,12 @@
-//! `oct view`: a model, a scene or a folder of models in a browser of this machine, by the page that an export writes.
+//! `oct view`: a model, a scene or a folder of models in a browser of this machine, by the page of an export.
 //!
 //! A server on 127.0.0.1 under a path that cannot be guessed. It answers GET and HEAD: of pages, of a folder's contact
-//! sheet, and of pictures of a camera, which a page asks for where there is no WebGL2, of a scene, or of a model that is
-//! too large for a page. It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that
-//! leads here) and long or slow requests, answers 16 at a time, and makes one picture at a time. Connections that ask
-//! nothing take no thread, and the oldest of many makes room. Of a folder's models the last ones stay open.
+//! sheet, and of pictures from a camera, for pages without WebGL2, of a scene, or of a model that is too large for a
+//! page. It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that resolves to this
+//! machine) and long or slow requests, answers 16 at a time, and makes one picture at a time. Idle connections take no
+//! thread, and the oldest of many makes room. Of a folder's models the latest ones stay open.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `subject` | a model or a scene: its page, its pictures |
 //! | `sheet` | the models of a folder, and their contact sheet |
@@ -34,29 +34,29 @@ use subject::Subject;
 
 /// Longest request in bytes: browsers send some hundred.
 const MAX_REQUEST: usize = 8 << 10;
-/// Requests that are answered at a time.
+/// Requests answered at a time.
 const MAX_CLIENTS: usize = 16;
-/// Connections that have not asked yet; of more the oldest go.
+/// Most connections without a request; beyond that the oldest is closed.
 const MAX_WAITING: usize = 64;
 /// Models that stay open.
 const MAX_OPEN: usize = 16;
-/// How long a client may take to ask.
+/// Time limit of a request.
 const ASKING: Duration = Duration::from_secs(3);
-/// How long a client may take to get an answer.
+/// Time limit of an answer, plus its size over `MIN_RATE`.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Bytes a second that a client has to take, beyond that.
+/// Bytes a second that a client has to receive.
 const MIN_RATE: u64 = 1 << 20;
 /// Pixels along a side of the pictures of a contact sheet.
 const THUMBNAIL: u32 = 256;
-/// How often new clients are looked for, and how often while some wait.
+/// Intervals of looking for new clients: idle, and while some wait.
 const BEATS: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(2)];
 
-/// How a model is served.
+/// Options of the server.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ViewRequest {
     /// Port on 127.0.0.1; 0 for one that is free.
     pub port: u16,
-    /// Stop when nothing has been asked for so long.
+    /// Idle time after which the server stops; `None` for never.
     pub idle: Option<Duration>,
 }
 
@@ -114,7 +114,7 @@ pub fn view(
                         answering.fetch_add(1, Ordering::AcqRel);
                         let (server, answering) = (&server, &answering);
                         scope.spawn(move || {
-                            // A client that closes early needs no more.
+                            // An early close by the client is not an error.
                             let _gone = server.answer(client);
                             answering.fetch_sub(1, Ordering::AcqRel);
                         });
@@ -129,14 +129,14 @@ pub fn view(
     Ok(())
 }
 
-/// Files for each kind of use: of those that a process may have open an eighth.
+/// Number of files for each kind of use: an eighth of those that a process may have open.
 fn few_files() -> usize {
     let most =
         open_files_limit().map_or(MAX_WAITING, |limit| usize::try_from(limit / 8).unwrap_or(MAX_WAITING));
     most.max(4)
 }
 
-/// Takes new clients, and keeps so many; true if there were some.
+/// Accepts new clients, and keeps at most `most` waiting; true if there were new ones.
 fn accept(listener: &TcpListener, waiting: &mut Vec<Client>, most: usize) -> bool {
     let mut any = false;
     for _ in 0..MAX_WAITING {
@@ -146,9 +146,9 @@ fn accept(listener: &TcpListener, waiting: &mut Vec<Client>, most: usize) -> boo
                 waiting.extend(Client::new(stream));
             }
             Err(cause) if cause.kind() == ErrorKind::WouldBlock => break,
-            // A client that went away before it was looked at.
+            // The client went away before it was accepted.
             Err(cause) if cause.kind() == ErrorKind::ConnectionAborted => {}
-            // Too many files are open, as a rule.
+            // Too many open files, as a rule.
             Err(_) => {
                 waiting.drain(..waiting.len().min(1));
                 break;
@@ -166,9 +166,9 @@ fn secret() -> io::Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// What is answered instead of content.
+/// Reason for an answer without content.
 enum Refused {
-    /// With this status, and a sentence why.
+    /// HTTP status, and a sentence on the reason.
     Status(u16, String),
     /// The connection failed.
     Gone,
@@ -187,16 +187,16 @@ impl From<io::Error> for Refused {
 }
 
 struct Server<'a> {
-    /// The folder that a contact sheet is of.
+    /// Folder of the contact sheet.
     folder: Option<&'a Path>,
     /// The sheet that a batch wrote there.
     sheet: Option<BatchSheet>,
-    /// Its models; one without a folder.
+    /// Models of the folder; a single one without a folder.
     entries: Vec<Entry>,
-    /// Those that were looked at last.
+    /// Models in the order of their last use.
     open: Mutex<Vec<Arc<Subject>>>,
     scratch: &'a Path,
-    /// The page that was asked for last, of the entry of this number.
+    /// Page of the last request, with its entry's number.
     page: Mutex<Option<(usize, File)>>,
     /// Held while a picture is made.
     drawing: Mutex<()>,
@@ -204,29 +204,29 @@ struct Server<'a> {
     secret: String,
 }
 
-/// A request without its body, which none has.
+/// A request; none has a body.
 struct Asked {
     is_head: bool,
-    /// Behind the secret part of the path.
+    /// Path and query behind the secret part.
     what: String,
 }
 
-/// A client that takes its time, but no more than it is given.
+/// A client with a time limit.
 struct Client {
     stream: TcpStream,
-    /// What it has asked so far.
+    /// Bytes of the request so far.
     asked: Vec<u8>,
     until: Instant,
 }
 
 impl Client {
-    /// A client that is about to ask; `None` if it is gone.
+    /// A client before its request; `None` if it is gone.
     fn new(stream: TcpStream) -> Option<Self> {
         stream.set_nonblocking(true).ok()?;
         Some(Self { stream, asked: Vec::new(), until: Instant::now() + ASKING })
     }
 
-    /// Reads what has come; true once that is a whole request.
+    /// Reads the bytes that have come; true once they are a whole request.
     fn ask(&mut self) -> Result<bool, Refused> {
         let mut some = [0; 1024];
         while !self.asked.ends_with(b"\r\n\r\n") {
@@ -247,7 +247,7 @@ impl Client {
         Ok(true)
     }
 
-    /// Says why there is no content.
+    /// Answers with the reason for missing content.
     fn refuse(&mut self, refused: Refused) -> io::Result<()> {
         let Refused::Status(status, why) = refused else { return Ok(()) };
         self.head(status, "text/plain; charset=utf-8", why.len() as u64)?;
@@ -259,13 +259,13 @@ impl Client {
         left.ok_or_else(|| io::ErrorKind::TimedOut.into())
     }
 
-    /// The head of an answer of so many bytes, and the time to take it. Pages from elsewhere may not read it, and nothing
-    /// keeps it.
+    /// The head of an answer of so many bytes, and its time limit. It forbids pages from elsewhere to read it, and
+    /// caches to keep it.
     fn head(&mut self, status: u16, kind: &str, bytes: u64) -> io::Result<()> {
         self.head_with(status, kind, bytes, "")
     }
 
-    /// The same with lines more, each with its end.
+    /// The same with additional lines, each with its line end.
     fn head_with(&mut self, status: u16, kind: &str, bytes: u64, more: &str) -> io::Result<()> {
         self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / MIN_RATE);
         let word = if status == 200 { "OK" } else { "refused" };
@@ -298,7 +298,7 @@ impl Server<'_> {
         }
     }
 
-    /// Reads a request, and checks who asks for what.
+    /// Reads a request, and checks its origin and path.
     fn read(&self, bytes: &[u8]) -> Result<Asked, Refused> {
         let text = str::from_utf8(bytes).map_err(|_| Refused::because(400, "not text"))?;
         let mut lines = text.split("\r\n");
@@ -317,7 +317,7 @@ impl Server<'_> {
             return Err(Refused::because(405, "only GET and HEAD"));
         }
         if path == "/favicon.ico" {
-            // Browsers ask for it and complain if it is not there.
+            // Browsers request it and complain if it is missing.
             return Err(Refused::because(204, ""));
         }
         let what = path.strip_prefix('/').and_then(|path| path.strip_prefix(&self.secret)?.strip_prefix('/'));
@@ -357,7 +357,7 @@ impl Server<'_> {
         if asked.is_head { Ok(()) } else { Ok(client.write_all(&png)?) }
     }
 
-    /// Sends a part of a batch's contact sheet; false if that is not what is asked for.
+    /// Sends a part of a batch's contact sheet; false if the request is for something else.
     fn send_sheet(&self, client: &mut Client, folder: &Path, asked: &Asked) -> Result<bool, Refused> {
         let Some(sheet) = &self.sheet else { return Ok(false) };
         if let Some(number) = sheet::linked(&self.entries, &asked.what) {
@@ -378,7 +378,7 @@ impl Server<'_> {
         Ok(true)
     }
 
-    /// The model of an entry, open: as it was opened before, unless its file was changed since.
+    /// The opened model of an entry; opened again if its file was changed.
     fn opened(&self, entry: &Entry) -> Result<Arc<Subject>, Refused> {
         let failed = |error| Refused::because(if entry.was_opened() { 410 } else { 500 }, error);
         let subject = entry.open().map_err(failed)?;

@@ -1,6 +1,6 @@
-//! What the surface within a cell encloses, and its area.
+//! Volume and area of the surface within a cell.
 //!
-//! A cell is cut into six tetrahedra, in each of which the surface is a plane: exactly that of a cell with a plane. A
+//! A cell is cut into six tetrahedra, in each of which the surface is a plane: the very plane of a cell with one. A
 //! cell with corners is cut into [`PARTS`] cubed boxes first, at whose corners the trilinear interpolation is asked.
 
 use crate::format::cell::{CORNERS, at_corner};
@@ -15,10 +15,10 @@ const PARTS: usize = 4;
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
-/// A part of a cell.
+/// Inside and surface of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Within {
-    /// What part of it is inside.
+    /// Part of the cell that is inside, 0 to 1.
     pub(super) inside: f64,
     /// Area of the surface in it, in the squared unit of the axes.
     pub(super) area: f64,
@@ -56,7 +56,7 @@ impl Within {
         }
     }
 
-    /// Of a box by how far its corners are before the surface.
+    /// The sums of a box, from the signed distance of each corner in front of the surface.
     fn of_box(before: &[f64; CORNERS], axes: &[[f64; 3]; 3]) -> Self {
         let mut sum = Self::default();
         if before.iter().all(|at| *at <= 0.0) {
@@ -68,9 +68,9 @@ impl Within {
         sum
     }
 
-    /// Adds a tetrahedron.
+    /// Adds the sums of a tetrahedron.
     fn add(&mut self, mut corners: [usize; 4], before: &[f64; CORNERS], axes: &[[f64; 3]; 3]) {
-        // Those inside come first.
+        // Corners inside come first.
         corners.sort_by(|a, b| before[*a].total_cmp(&before[*b]));
         let inside = corners.iter().filter(|corner| before[**corner] <= 0.0).count();
         // Part of the way from a corner inside to one outside at which the surface is crossed, and that place.
@@ -139,7 +139,7 @@ mod tests {
         near(third, 0.5, hexagon(1.0));
         let corner = Within::of(&CellShape::Corners([1, 0, 0, -1, 0, -1, -1, -2]), &CUBE);
         near(corner, 1.0 / 6.0, 3.0_f64.sqrt() / 2.0);
-        // Sheared and drawn out: the volume's part stays, the area is that of the face.
+        // Sheared and stretched: the inside part stays, the area is that of the face.
         let axes = [[2.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 5.0]];
         let found = Within::of(&CellShape::Plane(Plane { normal: [0, 0, 127], offset: 0 }), &axes);
         near(found, 0.5, 6.0);

@@ -6,13 +6,13 @@ use crate::format::{WALL_BYTES, WallItem, normal, wall_offset};
 /// The surface within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellShape {
-    /// Behind the plane is inside.
+    /// A plane; points behind it are inside.
     Plane(Plane),
-    /// Samples at the corners, above 0 inside; between them the surface is that of the trilinear interpolation.
+    /// Samples at the corners, positive inside, with trilinear interpolation between them.
     Corners([i8; CORNERS]),
 }
 
-/// Planes of larger leaves (SPEC 4.9), by their number: nodes without children before them.
+/// Planes of larger leaves (SPEC 4.9), by leaf number: the number of childless nodes before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafItems<'a> {
     normals: &'a [[u8; 2]],
@@ -21,20 +21,20 @@ pub(crate) struct LeafItems<'a> {
 }
 
 impl<'a> LeafItems<'a> {
-    /// The contents of `LNRM`, `LOFS` and `LRNK`.
+    /// Leaf items from the contents of `LNRM`, `LOFS` and `LRNK`.
     pub(super) fn new(normals: &'a [u8], offsets: &'a [u8], directory: &'a [u8]) -> Self {
         Self { normals: normals.as_chunks().0, offsets, directory: directory.as_chunks().0 }
     }
 
-    /// Code and offset of a node's plane, by its infobytes. Any bytes are safe: a leaf of which nothing is known is inside
-    /// altogether.
+    /// Code and offset of a node's plane, by its infobytes. Any bytes are safe: a leaf without data counts as all
+    /// inside.
     #[inline(always)]
     pub(super) fn of(&self, infobytes: &[u8], node: usize) -> (u16, i8) {
         let number = usize::try_from(leaf_number(infobytes, self.directory, node)).unwrap_or(usize::MAX);
         self.numbered(number)
     }
 
-    /// Appends the planes of `count` leaves, the first of them that of a node, to those of `fine` cells.
+    /// Appends the planes of `count` leaves, from the leaf of `node` on, to the planes of `fine` cells.
     #[inline(always)]
     pub(super) fn append(
         &self,
@@ -62,14 +62,14 @@ impl<'a> LeafItems<'a> {
 
 /// Normals, offsets and corners of a model of cells (SPEC 4.8), by the number of the cell.
 ///
-/// Any bytes are safe: a cell of which nothing is known counts as inside altogether, or as of a label that is not there.
+/// Any bytes are safe: a cell without data counts as all inside, or as a cell of an unknown label.
 #[derive(Clone, Copy, Debug)]
 pub struct CellItems<'a> {
     normals: &'a [[u8; 2]],
     offsets: &'a [u8],
     corners: &'a [u8],
     directory: &'a [[u8; 8]],
-    /// Do planes part labels (SPEC 4.12)?
+    /// True if planes separate labels (SPEC 4.12).
     walls: bool,
 }
 
@@ -84,24 +84,24 @@ pub(crate) struct BrickCodes {
 const BRICK_CELLS: usize = 64;
 
 impl BrickCodes {
-    /// Of cells of which nothing is known.
+    /// Codes of cells without data: all inside.
     pub(crate) const NONE: Self =
         Self { normals: [[0; 2]; BRICK_CELLS], offsets: [i8::MAX.cast_unsigned(); BRICK_CELLS] };
 }
 
-/// Of a plane between two labels: all is inside.
+/// Offset of a plane between two labels, made all inside where a label lies on either side.
 #[inline(always)]
 fn all_inside(offset: u8) -> u8 {
     if offset & 1 == 1 { i8::MAX.cast_unsigned() } else { offset }
 }
 
-/// As many items as there are of 64; the rest stays as it was.
+/// Copies as many items as `from` has, at most 64; the rest stays unchanged.
 fn copy_start<T: Copy>(to: &mut [T; BRICK_CELLS], from: &[T]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
 }
 
 impl<'a> CellItems<'a> {
-    /// The contents of `NORM`, `OFFS`, `CORN` and `CRNK`.
+    /// Cell items from the contents of `NORM`, `OFFS`, `CORN` and `CRNK`.
     pub fn new(normals: &'a [u8], offsets: &'a [u8], corners: &'a [u8], directory: &'a [u8]) -> Self {
         Self {
             normals: normals.as_chunks().0,
@@ -112,12 +112,12 @@ impl<'a> CellItems<'a> {
         }
     }
 
-    /// The same of cells between labels (SPEC 4.12).
+    /// The same items, as cells between labels (SPEC 4.12).
     pub(super) fn between_labels(self) -> Self {
         Self { walls: true, ..self }
     }
 
-    /// Do planes part labels?
+    /// True if planes separate labels.
     #[inline(always)]
     pub(crate) fn has_walls(&self) -> bool {
         self.walls
@@ -132,20 +132,21 @@ impl<'a> CellItems<'a> {
         }
     }
 
-    /// The vector of a cell's normal: of its plane, or of its smooth gradient if it has corners.
+    /// The vector of a cell's normal: normal of its plane, or direction of its smooth gradient if it has corners.
     #[inline(always)]
     pub fn normal(&self, cell: u64) -> [i32; 3] {
         normal::decode_l1(self.code(cell))
     }
 
-    /// The plane of a cell, unless it has corners; beyond it nothing is inside. With a label on either side all of it is.
+    /// The plane of a cell, unless it has corners; the space in front of it is outside. A cell with a label on either
+    /// side is all inside.
     #[inline(always)]
     pub fn plane(&self, cell: u64) -> Option<Plane> {
         let offset = self.offset(cell);
         (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), offset))
     }
 
-    /// The offset of a cell's plane, or `HAS_CORNERS`; with a label on either side that of all inside.
+    /// The offset of a cell's plane, or `HAS_CORNERS`; the offset of all inside with a label on either side.
     #[inline(always)]
     pub(crate) fn offset(&self, cell: u64) -> i8 {
         let offset = self.stored_offset(cell);
@@ -158,7 +159,8 @@ impl<'a> CellItems<'a> {
         self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed())
     }
 
-    /// Normals and offsets of 64 cells from one on, as [`CellItems::plane`] has them; `room` is for the last ones.
+    /// Normals and offsets of 64 cells from `cell` on, as in [`CellItems::plane`]; `room` is used at the end of the
+    /// sections.
     #[inline(always)]
     pub(crate) fn brick<'r>(
         &self,
@@ -181,14 +183,14 @@ impl<'a> CellItems<'a> {
         }
     }
 
-    /// [`CellItems::brick`] into `room`.
+    /// Copies [`CellItems::brick`] into `room`.
     #[inline(always)]
     pub(crate) fn copy_brick(&self, cell: u64, room: &mut BrickCodes) {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
         let (normals, offsets) =
             (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
         match (normals.first_chunk(), offsets.first_chunk()) {
-            // Only larger leaves are read so, which lie between no labels.
+            // Only models with larger leaves are read here, which have no walls between labels.
             (Some(normals), Some(offsets)) if !self.walls => {
                 (room.normals, room.offsets) = (*normals, *offsets);
             }
@@ -196,7 +198,7 @@ impl<'a> CellItems<'a> {
         }
     }
 
-    /// [`CellItems::brick`] where the sections end.
+    /// [`CellItems::brick`] at the end of the sections.
     #[cold]
     fn last_brick<'r>(
         &self,
@@ -213,7 +215,7 @@ impl<'a> CellItems<'a> {
         (&room.normals, &room.offsets)
     }
 
-    /// The corners of a cell that has them; between labels 1 where there is one.
+    /// The corners of a cell that has them; between labels, 1 at each corner with a label.
     #[inline]
     pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
         if self.walls {
@@ -222,14 +224,14 @@ impl<'a> CellItems<'a> {
         self.corner_item(cell).map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
     }
 
-    /// The plane between two labels, or one and none, of a cell that it parts.
+    /// The plane between two labels, or a label and background, of a cell that it separates.
     #[inline]
     pub(crate) fn wall(&self, cell: u64) -> Option<Plane> {
         let offset = self.stored_offset(cell);
         (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), wall_offset(offset)))
     }
 
-    /// The walls of a cell that one plane does not part.
+    /// The walls of a cell that one plane does not separate.
     pub(super) fn wall_item(&self, cell: u64) -> WallItem {
         let nothing = WallItem { labels: [u16::MAX; CORNERS], planes: None };
         self.corner_item::<WALL_BYTES>(cell).map_or(nothing, WallItem::parse)

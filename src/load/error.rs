@@ -1,4 +1,4 @@
-//! Why a file cannot be opened as a model, as a value with its sentence.
+//! Errors of opening a file as a model, as values with their sentences.
 
 use std::fmt;
 use std::io;
@@ -16,7 +16,7 @@ opaque_error! {
     LoadError(LoadFault)
 }
 
-/// Why, with its sentence.
+/// Fault of a model, with its sentence.
 #[derive(Debug, Error)]
 pub(crate) enum LoadFault {
     #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
@@ -35,7 +35,7 @@ pub(crate) enum LoadFault {
     Changed { path: PathBuf },
 }
 
-/// The fault of the bytes, or the kind of file by its name instead of a model.
+/// Text of the fault of the bytes, or the kind of file by its name if it is not a model.
 struct Reason<'a>(&'a Path, &'a FormatError);
 
 impl fmt::Display for Reason<'_> {

@@ -1,4 +1,4 @@
-//! The small parts of a file that say what the large ones are: header, table, metadata, levels.
+//! The small parts of a file that describe the large ones: header, table, metadata, levels.
 
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Header, Label, LabelForm, MAX_SECTIONS,
@@ -9,7 +9,7 @@ use crate::geom::{Affine, Dims, Level};
 
 use super::stream::{Fault, ReadAt};
 
-/// Everything that `open` reads and checks (SPEC I1 to I7), for mapped and packed files alike.
+/// The parts that `open` reads and checks (SPEC I1 to I7), for mapped and packed files alike.
 ///
 /// Reading costs at most the header, the table and 1 MiB of metadata, for any bytes.
 #[derive(Clone, Debug)]
@@ -24,9 +24,9 @@ pub struct Frame {
     pub metadata_bytes: Vec<u8>,
     /// First node of every depth, then N (SPEC 4.3 `LEVL`).
     pub levels: Vec<u64>,
-    /// The labels, by number (SPEC 4.10); none of a model without them.
+    /// The labels, by number (SPEC 4.10); empty for a model without labels.
     pub labels: Vec<Label>,
-    /// The measured quantity that values are (SPEC 4.13); none of a model without one.
+    /// The measured quantity of the values (SPEC 4.13); `None` for a model without one.
     pub quantity: Option<Quantity>,
 }
 
@@ -93,12 +93,12 @@ impl Frame {
         self.sections.iter().find(|e| e.kind == Some(kind))
     }
 
-    /// The entries of the blocks of labels.
+    /// Form of the label entries.
     pub(crate) fn label_form(&self) -> LabelForm {
         LabelForm::of(self.labels.len())
     }
 
-    /// The channels that the file has, with the bytes of an item, in file order.
+    /// The channels of the file, with the bytes of an item, in file order.
     pub fn channels(&self) -> impl Iterator<Item = (Channel, u8)> {
         self.sections.iter().filter_map(|e| match e.kind {
             Some(SectionKind::Voxels(channel)) => Some((channel, e.item_bytes)),
@@ -111,14 +111,14 @@ impl Frame {
         self.header.surface
     }
 
-    /// Size of the grid's occupied part in boxes of the finest level: that of the volume in voxels, or in cells,
-    /// which are one more along each axis.
+    /// Size of the grid's occupied part in boxes of the finest level: the volume in voxels, or in cells, one more along
+    /// each axis.
     pub fn dims(&self) -> Dims {
         self.header.dims
     }
 
-    /// Index of a box of the finest level (its middle at integers) to LPS mm: the volume's affine, moved by half
-    /// a voxel where the boxes are cells.
+    /// Index of a box of the finest level (its middle at integers) to LPS mm: the volume's affine, shifted by half a
+    /// voxel for cells.
     pub fn affine(&self) -> Affine {
         let volume = Affine { rows: self.metadata.affine };
         match self.surface() {
@@ -141,7 +141,8 @@ impl Frame {
         }
     }
 
-    /// Gives each section its items and its place, where counts are known; tables and coded sections keep their items.
+    /// Sets each section's number of items and offset, where counts are known; tables and coded sections keep their
+    /// items.
     pub(crate) fn place_sections(&mut self) {
         let (voxels, nodes, coarse) = (self.header.voxels, self.header.nodes, self.coarse_nodes());
         let mut end = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
@@ -173,7 +174,7 @@ impl Frame {
         }
     }
 
-    /// SPEC I4: what each section must hold.
+    /// SPEC I4: the required content of each section.
     fn check_item_counts(&self) -> Result<(), FormatError> {
         let (n, v) = (self.header.nodes, self.header.voxels);
         #[expect(clippy::cast_possible_truncation, reason = "8 or 20")]
@@ -189,15 +190,15 @@ impl Frame {
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
                 SectionKind::Means(channel) => {
                     let due = self.section(SectionKind::Voxels(channel)).map(|e| e.item_bytes);
-                    // Where the voxels' own items are illegal, that is reported below.
+                    // Illegal items of the voxels are reported below.
                     let illegal = due.is_some_and(|due| !channel.row().item_bytes.contains(&due));
                     (Some(entry.item_bytes) == due || illegal, self.coarse_nodes())
                 }
                 SectionKind::Voxels(channel) => {
-                    // How many have an item of a sparse channel is known when all offsets are (SPEC I18).
+                    // The number of items of a sparse channel is known once all offsets are read (SPEC I18).
                     let items = match channel.row() {
                         row if row.is_sparse => entry.items.min(v),
-                        // The bytes of blocks are known when all are read (SPEC I21).
+                        // The bytes of blocks are known once all are read (SPEC I21).
                         row if row.is_coded => {
                             entry.items.clamp(label_directory_bytes(v), self.label_form().most_bytes(v))
                         }
@@ -211,7 +212,7 @@ impl Frame {
                     (is_due && channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
-                // How many leaves there are is known when all infobytes are (SPEC I19).
+                // The number of leaves is known once all infobytes are read (SPEC I19).
                 SectionKind::LeafNormals => (entry.item_bytes == 2, entry.items.min(n)),
                 SectionKind::LeafOffsets => {
                     let normals = self.section(SectionKind::LeafNormals).map_or(0, |e| e.items);
@@ -232,7 +233,7 @@ fn coarse_nodes(header: &Header, levels: &[u64]) -> u64 {
     (header.dims.depth() as usize).checked_sub(1).and_then(|at| levels.get(at)).copied().unwrap_or(0)
 }
 
-/// SPEC I4: which sections there are, and which codecs they may have.
+/// SPEC I4: the required and allowed sections, and their codecs.
 fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), FormatError> {
     let has = |kind| sections.iter().any(|e| e.kind == Some(kind));
     let packed = header.encoding == Encoding::Packed;
@@ -295,7 +296,7 @@ pub(super) fn check_crc(entry: &SectionEntry, found: u32) -> Result<(), FormatEr
     if stated == found { Ok(()) } else { Err(FormatError::SectionChecksum { kind, offset, stated, found }) }
 }
 
-/// A section that is read whole when a file is opened; its size is checked before anything is allocated.
+/// Reads a section whole when a file is opened; its size is checked before anything is allocated.
 fn read_small<R: ReadAt + ?Sized>(
     source: &R,
     sections: &[SectionEntry],
@@ -331,12 +332,12 @@ fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
     for d in 0..=depth {
         let at = d as usize;
         let count = if d == depth { Some(header.voxels) } else { levels[at + 1].checked_sub(levels[at]) };
-        // Boxes of this depth that touch the volume; at most 2^48.
+        // Number of boxes of this depth that touch the volume; at most 2^48.
         let boxes: u64 =
             header.dims.to_array().iter().map(|n| u64::from(n.div_ceil(1 << (depth - d)))).product();
         // Every node has one to eight children; there is one root.
         let most = if d == 0 { 1 } else { above.saturating_mul(8).min(boxes) };
-        // Boxes above may be larger leaves, without children.
+        // Boxes above may be larger leaves, which have no children.
         let least = if header.leaves && d > cell::first_leaf_depth(depth) { 0 } else { above };
         match count {
             Some(count) if (least..=most).contains(&count) => above = count,

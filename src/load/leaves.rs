@@ -59,7 +59,7 @@ pub(super) struct LeafNormals<'a, R: ?Sized> {
 }
 
 impl<'a, R: ReadAt + ?Sized> LeafNormals<'a, R> {
-    /// Those of a model; `None` without larger leaves. Cost: a pass over the nodes.
+    /// The leaf normals of a model; `None` without larger leaves. Cost: a pass over the nodes.
     pub(super) fn new(source: &'a R, frame: &Frame) -> Result<Option<Self>, Fault> {
         if !frame.header.leaves {
             return Ok(None);
@@ -84,7 +84,7 @@ impl<'a, R: ReadAt + ?Sized> LeafNormals<'a, R> {
         Ok(Some(Self { first_depth, depths }))
     }
 
-    /// The next normal of a depth; `None` where there may be no larger leaf.
+    /// The next normal of a depth; `None` for depths without larger leaves.
     pub(super) fn next(&mut self, depth: usize) -> Result<Option<[u8; 2]>, Fault> {
         match self.depths.get_mut(depth) {
             Some(cursor) if depth >= self.first_depth => cursor.take::<2>(),

@@ -9,7 +9,7 @@ use super::{LoadError, LoadFault};
 use crate::platform;
 use crate::platform::PositionalFile;
 
-/// The bytes of a file that are read in place: mapped read-only, or in memory if they are few ([`Model::open`]);
+/// The bytes of a file that are read in place: mapped read-only, or in memory for a small file ([`Model::open`]);
 /// dereferences to them through `AsRef`.
 ///
 /// [`Model::open`]: super::Model::open
@@ -22,11 +22,11 @@ enum Held {
     Read(Vec<u8>),
 }
 
-/// True where a file that is cut short must not end the process: in one of others, and in a server.
+/// True where a truncated file must not end the process: inside a host program, and in a server.
 static SURVIVES: AtomicBool = AtomicBool::new(cfg!(feature = "python"));
 
-/// Makes pages of zeros of what a mapped file loses, of mappings that are made from now on, and not the end of the
-/// process; [`FileIdentity::check`] tells afterwards.
+/// Makes mappings created from now on read lost pages of a truncated file as zeros, instead of ending the process;
+/// [`FileIdentity::check`] detects it afterwards.
 pub(crate) fn survive_torn_files() {
     SURVIVES.store(true, Ordering::Relaxed);
 }
@@ -36,11 +36,11 @@ pub(crate) fn survive_torn_files() {
 struct Mapped {
     _watched: Option<platform::Watched>,
     map: memmap2::Mmap,
-    /// True once pages have been given back.
+    /// True once pages have been released.
     gave_back: AtomicBool,
 }
 
-/// Changes when a file is written to: its size and its time of change.
+/// Size and modification time of a file, which change when it is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileIdentity {
     bytes: u64,
@@ -48,17 +48,17 @@ pub(crate) struct FileIdentity {
 }
 
 impl FileIdentity {
-    /// The file as it is now.
+    /// The current identity of a file.
     pub(crate) fn of(file: &PositionalFile) -> io::Result<Self> {
         let meta = file.metadata()?;
         Ok(Self { bytes: meta.len(), changed: platform::changed(&meta) })
     }
 
-    /// Is the open file still what it was? To be asked before what was made of it is kept: a file that was overwritten in
-    /// place meanwhile was neither the one model nor the other. `path` is what the error names.
+    /// Checks that the open file is unchanged. Call this before results of it are kept: a file that was overwritten in
+    /// place meanwhile was neither the one model nor the other. `path` is the name in the error.
     ///
     /// # Errors
-    /// It is not, or the operating system refused.
+    /// The file was changed, or the operating system refused.
     pub(crate) fn check(self, file: &PositionalFile, path: &Path) -> Result<(), LoadError> {
         let path = || path.to_path_buf();
         match Self::of(file) {
@@ -90,13 +90,13 @@ impl Mapping {
         })))
     }
 
-    /// Bytes that were read.
+    /// Wraps bytes that were read.
     pub(super) fn read(bytes: Vec<u8>) -> Self {
         Self(Held::Read(bytes))
     }
 
-    /// Takes all pages of the mapping out of the process, for passes that go on to other parts of the file; what is
-    /// looked at again comes back from the system's cache. If the system refuses, the pages stay.
+    /// Releases all pages of the mapping from the process, for passes that go on to other parts of the file; pages read
+    /// again come back from the system's cache. If the system refuses, the pages stay.
     pub fn give_back(&self) {
         if let Held::Mapped(mapped) = &self.0 {
             if !mapped.gave_back.swap(true, Ordering::Relaxed) {
@@ -127,12 +127,12 @@ mod tests {
     #[test]
     fn pages_are_resident_once_they_are_read_and_until_they_are_given_back() {
         let file = tempfile::tempfile().unwrap();
-        // At once, so that the system's cache holds large pieces.
+        // Written at once, so that the system's cache holds large pieces.
         (&file).write_all(&vec![0; 8 << 20]).unwrap();
         let mapping = Mapping::of(&file.into()).unwrap();
         assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
         assert!(mapping.as_ref()[..3 << 20].iter().all(|byte| *byte == 0));
-        // The system maps some pages more than are asked for.
+        // The system maps some more pages than requested.
         assert!((3 << 20..=4 << 20).contains(&mapped_rss_bytes(mapping.as_ref()).unwrap()));
         mapping.give_back();
         assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));

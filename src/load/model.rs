@@ -20,19 +20,19 @@ use super::{BrickCodes, CellItems, LeafItems, LoadError, NodeView};
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
-/// Opening reads the header, the section table, the metadata and the level table (SPEC I1 to I7) and
-/// nothing else, so its cost does not depend on the size of the model. The contents of the large
-/// sections are not trusted: every accessor is safe on any bytes. [`super::verify()`] checks them all.
+/// Opening reads only the header, the section table, the metadata and the level table (SPEC I1 to I7), so its cost does
+/// not depend on the size of the model. The contents of the large sections are not trusted: every accessor is safe on
+/// any bytes. [`super::verify()`] checks them all.
 #[derive(Debug)]
 pub struct Model<D = Mapping> {
     data: D,
     frame: Frame,
     places: Places,
-    /// None of a model in memory.
+    /// The mapped file; `None` for a model in memory.
     origin: Option<Origin>,
 }
 
-/// Where in the file the sections are that a view has; an empty range where it has none.
+/// Ranges in the file of the sections of a view; empty for absent ones.
 #[derive(Clone, Debug)]
 struct Places {
     nodes: Range<usize>,
@@ -63,7 +63,7 @@ impl Model<Mapping> {
     ///
     /// A mapping reads the file in place, so opening is cheap whatever its size. Other programs can still change the file:
     ///
-    /// | what happens to a mapped file | what becomes of the model |
+    /// | change to a mapped file | effect on the model |
     /// |---|---|
     /// | it is replaced under its name, as every output of this program does, or removed | nothing: the old bytes stay |
     /// | it is overwritten in place | any answer is possible, but no panic; jobs end with an error ([`Model::check_unchanged`]) |
@@ -90,15 +90,15 @@ impl Model<Mapping> {
         Self::map(path)
     }
 
-    /// Opens and maps a file, of any length.
+    /// Opens and maps a file of any length.
     ///
     /// # Errors
-    /// As [`Model::open`].
+    /// The errors of [`Model::open`].
     pub(crate) fn map(path: &Path) -> Result<Self, LoadError> {
         let open = || -> Result<Self, Fault> {
             let file = PositionalFile::open(path)?;
             let then = FileIdentity::of(&file)?;
-            // By ordinary reads, so that only models are mapped.
+            // Ordinary reads first, so that only models are mapped.
             let frame = Frame::read(&file)?;
             frame.refuse_packed()?;
             let model = Self::assemble(Mapping::of(&file)?, frame)?;
@@ -107,26 +107,26 @@ impl Model<Mapping> {
         open().map_err(|fault| fault.at(path))
     }
 
-    /// Takes the pages of the file that were looked at out of the process; see [`Mapping::give_back`].
+    /// Releases the pages of the file that were read from the process; see [`Mapping::give_back`].
     pub fn give_back(&self) {
         self.data.give_back();
     }
 }
 
 impl Model<Vec<u8>> {
-    /// Reads a whole file into memory: what is written to the file afterwards, or cut from it, cannot reach the
-    /// model, where a [`Mapping`] of a file that is cut short kills the process.
+    /// Reads a whole file into memory: later writes to the file, or its truncation, do not affect the model, whereas
+    /// truncating the file of a [`Mapping`] kills the process.
     ///
     /// Memory: the length of the file. For a model in memory already: [`Model::from_bytes`].
     ///
     /// # Errors
-    /// As [`Model::open`], and [`LoadError`] for a file that is written to meanwhile.
+    /// The errors of [`Model::open`], and [`LoadError`] for a file that is written to meanwhile.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, LoadError> {
         let path = path.as_ref();
         let read = || -> Result<Option<Self>, Fault> {
             let file = PositionalFile::open(path)?;
             let then = FileIdentity::of(&file)?;
-            // So that only models are read whole.
+            // Ensures that only models are read whole.
             let frame = Frame::read(&file)?;
             frame.refuse_packed()?;
             let mut bytes = Vec::new();
@@ -152,7 +152,7 @@ impl<D: AsRef<[u8]>> Model<D> {
         let frame = match Frame::read(data.as_ref()) {
             Ok(frame) => frame,
             Err(Fault::Format(cause)) => return Err(cause),
-            // Memory ends early only if a length was not checked: at least one more byte was wanted.
+            // Memory ends early only where a length was not checked: at least one more byte was needed.
             Err(Fault::Io(_)) => {
                 let got = data.as_ref().len() as u64;
                 return Err(FormatError::Truncated { expected: got + 1, got });
@@ -164,7 +164,7 @@ impl<D: AsRef<[u8]>> Model<D> {
 
     fn assemble(data: D, frame: Frame) -> Result<Self, FormatError> {
         let len = data.as_ref().len();
-        // The mapping may be shorter than the frame said if the file was cut in between.
+        // The mapping is shorter than the frame states if the file was truncated in between.
         if len as u64 != frame.header.file_bytes {
             return Err(FormatError::Truncated { expected: frame.header.file_bytes, got: len as u64 });
         }
@@ -197,7 +197,7 @@ impl<D: AsRef<[u8]>> Model<D> {
 
     /// Checks that the mapped file has not changed since it was opened. Call this before keeping results: a file that
     /// was overwritten in place meanwhile was neither the old model nor the new one. A model in memory is always
-    /// unchanged. `path` is what the error names.
+    /// unchanged. `path` is the name in the error.
     ///
     /// # Errors
     /// [`LoadError`], or the operating system refused.
@@ -205,11 +205,11 @@ impl<D: AsRef<[u8]>> Model<D> {
         self.origin.as_ref().map_or(Ok(()), |origin| origin.then.check(&origin.file, path))
     }
 
-    /// Does a job between two such checks. In a file that was changed anything may be found wrong: that it was changed is
-    /// the reason then.
+    /// Runs a job between two such checks. In a changed file the job may fail for any reason: the change is then
+    /// reported instead.
     ///
     /// # Errors
-    /// The model is not what it was when it was opened; the job's own.
+    /// The model has changed since it was opened; the job's own errors.
     pub(crate) fn unchanged_during<T, E: From<LoadError>>(
         &self,
         job: impl FnOnce() -> Result<T, E>,
@@ -236,12 +236,12 @@ impl<D: AsRef<[u8]>> Model<D> {
         &self.frame.metadata
     }
 
-    /// Size in boxes of the finest level, as [`Frame::dims`].
+    /// Size in boxes of the finest level, see [`Frame::dims`].
     pub fn dims(&self) -> Dims {
         self.frame.dims()
     }
 
-    /// Index of a box of the finest level to LPS mm, as [`Frame::affine`].
+    /// Index of a box of the finest level to LPS mm, see [`Frame::affine`].
     pub fn affine(&self) -> Affine {
         self.frame.affine()
     }
@@ -324,7 +324,7 @@ impl<D: AsRef<[u8]>> Model<D> {
         }
     }
 
-    /// [`Model::view`], measured values in another map or range of colours.
+    /// [`Model::view`], with measured values in another colour map or range.
     pub(crate) fn view_in_colors(&self, map: Option<ColorMap>, range: Option<[f64; 2]>) -> ModelView<'_> {
         let mut view = self.view();
         if let (Some((_, colors)), Some(quantity)) = (&mut view.values, &self.frame.quantity) {
@@ -335,7 +335,8 @@ impl<D: AsRef<[u8]>> Model<D> {
 
     /// The skin voxels or cells, in the order of the file.
     ///
-    /// Cost: some ten nanoseconds each; memory: none. Safe on any bytes, and ends after as many as the header says.
+    /// Cost: some ten nanoseconds each; memory: none. Safe on any bytes, and ends after the number of voxels in the
+    /// header.
     ///
     /// ```
     /// # fn main() -> Result<(), infobyte::Error> {
@@ -380,7 +381,7 @@ impl<'a> Items<'a> {
     }
 }
 
-/// A model's structure and channels as plain slices: what every kernel looks at.
+/// A model's structure and channels as plain slices: the input of every kernel.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelView<'a> {
     depth: u32,
@@ -399,8 +400,8 @@ pub struct ModelView<'a> {
 }
 
 impl<'a> ModelView<'a> {
-    /// A structure without items: depth, number of skin voxels, infobytes and rank directory (SPEC
-    /// 4.4, 4.5). Any bytes are safe, true or not.
+    /// A structure without items: depth, number of skin voxels, infobytes and rank directory (SPEC 4.4, 4.5). Any bytes
+    /// are safe, even wrong ones.
     pub fn over(depth: u32, voxels: u64, infobytes: &'a [u8], directory: &'a [u8]) -> Self {
         Self {
             depth,
@@ -418,7 +419,7 @@ impl<'a> ModelView<'a> {
         }
     }
 
-    /// The same with normal codes (SPEC 4.6, little-endian) of voxels and of nodes.
+    /// The same view with normal codes (SPEC 4.6, little-endian) of voxels and of nodes.
     #[must_use]
     pub fn with_normals(self, normals: Option<&'a [[u8; 2]]>, node_normals: Option<&'a [[u8; 2]]>) -> Self {
         Self { normals, node_normals, ..self }
@@ -434,17 +435,17 @@ impl<'a> ModelView<'a> {
         }
     }
 
-    /// True if a stored value of 0 means none.
+    /// True if a stored value of 0 means no value.
     pub(crate) fn has_quantity(&self) -> bool {
         self.values.is_some()
     }
 
-    /// The colours of measured values, of a model that shows them.
+    /// The colours of measured values; `None` for a model that does not show them.
     pub(crate) fn value_colors(&self) -> Option<&ValueColors> {
         self.values.as_ref().filter(|_| self.labels.is_none()).map(|(_, colors)| colors)
     }
 
-    /// Are some nodes larger leaves?
+    /// True if some nodes are larger leaves.
     #[inline(always)]
     pub(crate) fn has_leaves(&self) -> bool {
         self.leaves.is_some()
@@ -456,7 +457,7 @@ impl<'a> ModelView<'a> {
         self.labels
     }
 
-    /// The walls between the labels of a cell (SPEC 4.12); `None` of other models. Any bytes are safe.
+    /// The walls between the labels of a cell (SPEC 4.12); `None` for other models. Any bytes are safe.
     pub fn walls(&self, cell: u64) -> Option<Walls> {
         let cells = self.cells.filter(CellItems::has_walls)?;
         Some(match cells.wall(cell) {
@@ -465,13 +466,13 @@ impl<'a> ModelView<'a> {
         })
     }
 
-    /// Is there no box of the surface?
+    /// True for a model without boxes of the surface.
     #[inline(always)]
     pub(crate) fn is_empty(&self) -> bool {
         self.voxels == 0 && self.leaves.is_none()
     }
 
-    /// Is a node a larger leaf?
+    /// True if a node is a larger leaf.
     #[inline(always)]
     pub(crate) fn is_leaf(&self, node: NodeIndex) -> bool {
         self.leaves.is_some() && node.index().and_then(|at| self.nodes.get(at)) == Some(&0)
@@ -491,7 +492,7 @@ impl<'a> ModelView<'a> {
         self.leaves.map_or((0, i8::MAX), |leaves| leaves.of(self.nodes, at))
     }
 
-    /// Appends the planes of larger leaves that are siblings, the first of them `node`, to those of `fine` cells.
+    /// Appends the planes of larger leaves that are siblings, from `node` on, to the planes of `fine` cells.
     #[inline(always)]
     pub(crate) fn append_leaves(
         &self,
@@ -504,7 +505,7 @@ impl<'a> ModelView<'a> {
         }
     }
 
-    /// Memory that the answers about a node are read from, for hints to the processor.
+    /// Memory that queries about a node read, for prefetch hints.
     #[inline(always)]
     pub(crate) fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
         let at = node.index().unwrap_or(usize::MAX);
@@ -514,14 +515,14 @@ impl<'a> ModelView<'a> {
         ]
     }
 
-    /// Normal codes of a voxel, of the four before and of the four behind it in the order of the file; `None` if one of
-    /// them is missing.
+    /// Normal codes of a voxel, of the four before it and of the four after it in file order; `None` if one of them is
+    /// missing.
     #[inline]
     pub(crate) fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
         codes_near(self.normals, voxel.index())
     }
 
-    /// The same of a node with an edge of 4 cells or more.
+    /// Normal codes around a node with an edge of 4 cells or more, like [`Self::voxel_normals_near`].
     #[inline]
     pub(crate) fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
         codes_near(self.node_normals, node.index())
@@ -539,7 +540,7 @@ fn codes_near(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<[u16; 9]> 
     Some(near.map(u16::from_le_bytes))
 }
 
-// Always inlined: a traversal compiled for more instructions would else call these without them.
+// Always inlined: a traversal compiled for more instructions would otherwise call these without them.
 impl NodeView for ModelView<'_> {
     fn depth(&self) -> u32 {
         self.depth
@@ -560,7 +561,7 @@ impl NodeView for ModelView<'_> {
 
     #[inline(always)]
     fn first_child(&self, node: NodeIndex) -> BoxIndex {
-        // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
+        // A wrong directory may state any rank; limited to the number of boxes, sums cannot overflow.
         BoxIndex::new(rank::rank(self.nodes, self.rank, node.get()).min(self.boxes) + 1)
     }
 
@@ -593,7 +594,7 @@ impl NodeView for ModelView<'_> {
     }
 }
 
-/// Methods that a model's view answers.
+/// Methods that forward to a model's view.
 macro_rules! by_view {
     ($(fn $name:ident(&self $(, $index:ident: $t:ty)?) -> $out:ty;)*) => {$(
         #[inline]

@@ -31,7 +31,7 @@ impl ReadAt for PositionalFile {
     }
 }
 
-/// A scratch file that is written at places meanwhile.
+/// A scratch file may be written elsewhere meanwhile.
 impl ReadAt for std::fs::File {
     fn byte_len(&self) -> io::Result<u64> {
         Ok(self.metadata()?.len())
@@ -60,9 +60,9 @@ impl ReadAt for [u8] {
 /// The error of a reader that does not know the file's name.
 #[derive(Debug)]
 pub enum Fault {
-    /// The system refused.
+    /// A failure of the operating system.
     Io(io::Error),
-    /// The bytes are wrong.
+    /// A fault in the bytes.
     Format(FormatError),
 }
 
@@ -79,7 +79,7 @@ impl From<FormatError> for Fault {
 }
 
 impl Fault {
-    /// The same with the file's name.
+    /// Adds the file's name.
     pub fn at(self, path: &std::path::Path) -> LoadError {
         let path = path.to_path_buf();
         match self {
@@ -107,12 +107,12 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Self { source, at: start, end, buffer: Vec::new(), used: 0, capacity: capacity.max(20) }
     }
 
-    /// Bytes not yet taken.
+    /// Number of bytes not yet taken.
     pub(crate) fn left(&self) -> u64 {
         self.end.saturating_sub(self.at) + (self.buffer.len() - self.used) as u64
     }
 
-    /// The next part, as long as the buffer at most; empty at the end.
+    /// The next part, at most as long as the buffer; empty at the end.
     ///
     /// # Errors
     /// Reading failed.
@@ -125,7 +125,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(&self.buffer[from..])
     }
 
-    /// [`Cursor::next_part`] of at most `most` bytes.
+    /// Like [`Cursor::next_part`], of at most `most` bytes.
     ///
     /// # Errors
     /// Reading failed, or nothing is left.
@@ -177,7 +177,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(self.buffer.get(from..from + len))
     }
 
-    /// The next `len` bytes, not taken yet, or `None` when fewer are left or the buffer is shorter.
+    /// The next `len` bytes, not consumed, or `None` when fewer are left or the buffer is shorter.
     ///
     /// # Errors
     /// Reading failed.
@@ -189,13 +189,13 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(self.buffer.get(self.used..).and_then(|bytes| bytes.get(..len)))
     }
 
-    /// Takes what [`Cursor::peek`] showed.
+    /// Consumes bytes shown by [`Cursor::peek`].
     #[inline]
     pub(crate) fn skip(&mut self, len: usize) {
         self.used = (self.used + len).min(self.buffer.len());
     }
 
-    /// Moves what is left to the front and fills the rest of the buffer.
+    /// Moves the remaining bytes to the front and fills the rest of the buffer.
     fn refill(&mut self) -> Result<(), Fault> {
         self.buffer.drain(..self.used);
         self.used = 0;

@@ -1,8 +1,7 @@
 //! The full check of a mapped file: every invariant of SPEC 6, in one small fixed amount of memory.
 //!
-//! Boxes of one depth stand in Morton order, so a depth-first walk meets the nodes of every depth in
-//! the order in which they are stored: one sequential cursor per depth and channel is all that is
-//! needed, and no rank is ever used.
+//! Boxes of one depth are stored in Morton order, so a depth-first walk meets the nodes of every depth in that order:
+//! one sequential cursor per depth and channel suffices, without any rank.
 
 use crate::format::{
     Channel, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind, SelectionKind, Sum,
@@ -41,7 +40,7 @@ pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
 /// SPEC I8 and I9: checksums of the stored bytes, and zeros between the sections.
 ///
 /// # Errors
-/// The first that is wrong, or a failure to read.
+/// The first fault found, or a failure to read.
 pub(crate) fn check_storage<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let table = crate::format::HEADER_BYTES + frame.sections.len() * crate::format::ENTRY_BYTES;
     let mut end = table as u64;
@@ -79,7 +78,7 @@ fn check_metadata(frame: &Frame) -> Result<(), Fault> {
     Ok(())
 }
 
-/// SPEC I13: the directory is the one that the infobytes give.
+/// SPEC I13: the directory matches the infobytes.
 fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let (Some(nodes), Some(directory)) =
         (frame.section(SectionKind::Nodes), frame.section(SectionKind::Rank))
@@ -152,8 +151,8 @@ fn check_corners<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fa
     Ok(())
 }
 
-/// SPEC I21 and I22: the blocks of labels follow each other, their palettes rise, the table has every label, and cells part
-/// their corners by them.
+/// SPEC I21 and I22: the blocks of labels follow each other, their palettes rise, the table has every label, and cells
+/// separate their corners by label.
 fn check_labels<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let Some(entry) = frame.section(SectionKind::Voxels(Channel::Label)) else { return Ok(()) };
     let (voxels, form) = (frame.header.voxels, frame.label_form());
@@ -210,7 +209,7 @@ struct ChannelReader<'a, R: ReadAt + ?Sized> {
     channel: Channel,
     item_bytes: usize,
     items: Cursor<'a, R>,
-    /// Items of the channel.
+    /// Number of items of the channel.
     count: u64,
 }
 
@@ -237,7 +236,7 @@ impl<'a, R: ReadAt + ?Sized> ChannelReader<'a, R> {
         Ok(())
     }
 
-    /// The same of so many items, those of one parent.
+    /// Like `next`, for `items` items of one parent.
     fn next_few(&mut self, sum: &mut Sum, items: usize) -> Result<(), Fault> {
         let row = self.channel.row();
         let bytes = items * self.item_bytes;
@@ -250,12 +249,12 @@ impl<'a, R: ReadAt + ?Sized> ChannelReader<'a, R> {
             self.items.skip(bytes);
             return Ok(());
         }
-        // One of them is wrong or missing, and is named.
+        // One of them is wrong or missing: the single checks name it.
         (0..items).try_for_each(|_| self.next(Some(sum)))
     }
 }
 
-/// Number of the item that was taken last, where `end` is that of the one after all.
+/// Number of the item taken last, where `end` is one past the last item.
 fn number_of_last<R: ReadAt + ?Sized>(items: &Cursor<'_, R>, item_bytes: usize, end: u64) -> u64 {
     end.saturating_sub(items.left() / item_bytes.max(1) as u64 + 1)
 }
@@ -284,7 +283,7 @@ fn per_depth<'a, R: ReadAt + ?Sized>(
         .collect()
 }
 
-/// SPEC I15 and I16: the coarse means are those of their voxels.
+/// SPEC I15 and I16: coarse means equal the means of their voxels.
 fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let coarse = frame.dims().depth().saturating_sub(1);
     let mut stored: Vec<_> = walked_channels(frame)
@@ -313,7 +312,7 @@ fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Faul
     })
 }
 
-/// The rule that a mean breaks, one for each way in which means come about.
+/// The rule that a wrong mean breaks, one for each rule of means.
 fn wrong_mean(
     channel: Channel,
     rule: MeanRule,
@@ -333,7 +332,7 @@ fn wrong_mean(
     }
 }
 
-/// A node on the path from the root to the present box.
+/// A node on the path from the root to the current box.
 #[derive(Clone, Copy, Default)]
 struct OpenNode {
     /// Octants still to visit.
@@ -341,7 +340,7 @@ struct OpenNode {
     corner: [u32; 3],
 }
 
-/// The walk's place in the nodes of every depth and in the items of every channel.
+/// Position of the walk in the nodes of every depth and in the items of every channel.
 struct Walk<'a, R: ReadAt + ?Sized> {
     frame: &'a Frame,
     dims: [u32; 3],
@@ -351,13 +350,13 @@ struct Walk<'a, R: ReadAt + ?Sized> {
     leaves: Option<LeafNormals<'a, R>>,
     voxels: u64,
     path: [OpenNode; 17],
-    /// Sums of the open nodes: one of each channel by depth.
+    /// Sums of the open nodes: one per channel and depth.
     sums: Vec<Sum>,
 }
 
 impl<R: ReadAt + ?Sized> Walk<'_, R> {
-    /// Enters the box at depth `d`: a voxel is added to the sums of its parent at once, a node is opened, those above
-    /// voxels with all of them.
+    /// Enters the box at depth `d`: a voxel is added to the sums of its parent at once, a node is opened; a node
+    /// directly above voxels takes all of them.
     fn enter(&mut self, d: usize, corner: [u32; 3]) -> Result<(), Fault> {
         if corner.iter().zip(self.dims).any(|(c, n)| *c >= n) {
             return Err(FormatError::OutsideVolume { level: level_of(d), corner }.into());
@@ -397,7 +396,7 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
         let sums = &mut self.sums[d * count..][..count];
         sums.fill(Sum::default());
         if d + 1 == self.depth && corner.iter().zip(self.dims).all(|(c, n)| c + 1 < n) {
-            // All of its voxels lie in the volume: they are taken together.
+            // All of its voxels lie in the volume, so they are taken together.
             self.path[d].rest = 0;
             self.voxels += u64::from(rest.count_ones());
             for (reader, sum) in self.channels.iter_mut().zip(sums) {
@@ -407,7 +406,7 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
         Ok(())
     }
 
-    /// Leaves the box at depth `d`, of which everything is known, for its parent.
+    /// Leaves the finished box at depth `d` for its parent.
     fn leave(&mut self, d: usize) {
         let count = self.channels.len();
         let (above, own) = self.sums.split_at_mut(d * count);
@@ -419,11 +418,11 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
     }
 }
 
-/// Takes the level of a node and the sums of its [`walked_channels`].
+/// Receives the level of a node and the sums of its [`walked_channels`].
 pub(crate) type Finished<'a> = dyn FnMut(Level, &[Sum]) -> Result<(), Fault> + 'a;
 
-/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` takes the level of every node
-/// and the sums of its [`walked_channels`], within a depth in the order in which nodes are stored.
+/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` receives the level of every node and the
+/// sums of its [`walked_channels`]; within a depth in the stored order of nodes.
 pub(crate) fn walk<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
@@ -488,7 +487,7 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
     Ok(())
 }
 
-/// Depths are at most 16.
+/// The level of a depth, at most 16.
 fn level_of(depth: usize) -> Level {
     Level::new(u32::try_from(depth).unwrap_or(u32::MAX))
 }

@@ -1,13 +1,13 @@
-//! The node view: all that the plain walk, the oracle of every traversal, may know of an octree.
+//! The node view: the interface of an octree for the plain walk, which is the oracle of every traversal.
 
 use super::CellItems;
 use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 
-/// Read-only octree in breadth-first numbers (SPEC 2). A [`BoxIndex`] below `node_count()` is a node, any
-/// other a voxel; [`BoxIndex::node`] and [`BoxIndex::voxel`] give the number as such.
+/// Read-only octree in breadth-first numbers (SPEC 2). A [`BoxIndex`] below `node_count()` is a node, any other a
+/// voxel; [`BoxIndex::node`] and [`BoxIndex::voxel`] convert the number.
 ///
-/// Implementations are safe on any bytes: for a number out of range an infobyte is 0.
+/// Implementations are safe on any bytes: the infobyte of a number out of range is 0.
 pub trait NodeView: Sync {
     /// Depth L; the grid has 2^L cells a side.
     fn depth(&self) -> u32;
@@ -43,14 +43,14 @@ pub trait NodeView: Sync {
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
     fn node_normal(&self, node: NodeIndex) -> Option<u16>;
 
-    /// Colour of a voxel (sRGB), if the model has colours, or labels with theirs.
+    /// Colour of a voxel (sRGB), if the model has colours, or labels with colours.
     #[inline]
     fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
         let _ = voxel;
         None
     }
 
-    /// The surface within the boxes of the finest level, if those are cells; then normals are of index space.
+    /// The surface within the boxes of the finest level, if they are cells; normals are then of index space.
     #[inline]
     fn cells(&self) -> Option<CellItems<'_>> {
         None

@@ -8,11 +8,11 @@ use super::{Items, ModelView, NodeView};
 /// Most levels of nodes.
 const MAX_LEVELS: usize = 16;
 
-/// A voxel of the skin, or a cell, as a model has it.
+/// A stored skin voxel or cell of a model.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoredVoxel {
-    /// Its number in the order of the file: where its items are in every channel.
+    /// Number in the order of the file: index of its items in every channel.
     pub number: u64,
     /// Index (x, y, z) of the voxel, or of the cell: cell i lies between samples i - 1 and i.
     pub voxel: [u32; 3],
@@ -26,23 +26,23 @@ pub struct StoredVoxel {
     pub label: Option<u16>,
 }
 
-/// The voxels or cells of a model in the order of the file, which is that of Morton codes; see
+/// The voxels or cells of a model in the order of the file, which is Morton order; see
 /// [`Model::voxels`](super::Model::voxels).
 ///
-/// In a depth-first walk the nodes of every depth come in the order of the file, so that a counter for each depth finds
-/// them, and no rank is used.
+/// A depth-first walk visits the nodes of every depth in the order of the file, so a counter for each depth replaces
+/// ranks.
 #[derive(Clone, Debug)]
 pub struct StoredVoxels<'a> {
     view: ModelView<'a>,
     values: Option<Items<'a>>,
     value_scale: [f64; 2],
-    /// From normals as they are stored to those of the world, and the sides of a box where normals are of index space.
+    /// Map from stored normals to world normals, and the sides of a box where normals are of index space.
     normals: Option<([[f64; 3]; 3], [f64; 3])>,
     /// Next node of every depth.
     next_node: [u64; MAX_LEVELS],
-    /// Octants still to be visited, from the root down, and the lowest corner of each node in boxes of its children.
+    /// Octants still to visit, from the root down, and the lowest corner of each node in boxes of its children.
     open: [(u8, [u32; 3]); MAX_LEVELS],
-    /// Depth of the present node, from 1 on; 0 at the end.
+    /// Depth of the current node, from 1 on; 0 at the end.
     at: usize,
     number: u64,
 }
@@ -75,7 +75,7 @@ impl<'a> StoredVoxels<'a> {
         found
     }
 
-    /// Goes down into the next node of the next depth.
+    /// Descends into the next node of the next depth.
     fn enter(&mut self, corner: [u32; 3]) {
         let Some(next) = self.next_node.get_mut(self.at) else { return };
         let infobyte = self.view.infobyte(NodeIndex::new(*next));
@@ -106,7 +106,7 @@ impl<'a> StoredVoxels<'a> {
         None
     }
 
-    /// Number and index of the next one.
+    /// Number and index of the next voxel.
     fn next_place(&mut self) -> Option<(u64, [u32; 3])> {
         if self.number >= self.view.voxel_count() {
             return None;

@@ -1,4 +1,4 @@
-//! The check of cells between labels (SPEC I22): in the order of the file, with the labels of each.
+//! The check of cells between labels (SPEC I22), in the order of the file, with the labels of each cell.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
 use crate::format::{Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls, wall_offset};
@@ -10,7 +10,7 @@ use super::stream::{Cursor, Fault, ReadAt};
 /// Bytes of each of the three buffers.
 const CURSOR_BYTES: usize = 16 << 10;
 
-/// The normals, offsets and items of the cells that have not been checked.
+/// The normals, offsets and items of the cells that are not checked yet.
 pub(super) struct WalledCells<'a, R: ReadAt + ?Sized> {
     normals: Cursor<'a, R>,
     offsets: Cursor<'a, R>,
@@ -19,7 +19,7 @@ pub(super) struct WalledCells<'a, R: ReadAt + ?Sized> {
 }
 
 impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
-    /// Those of a file, if its cells lie between labels.
+    /// The cells of a file; `None` unless they lie between labels.
     pub(super) fn new(source: &'a R, frame: &Frame) -> Option<Self> {
         let cursor = |channel| {
             let entry = frame.section(SectionKind::Voxels(channel)).filter(|_| frame.header.walls)?;
@@ -33,7 +33,7 @@ impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
         })
     }
 
-    /// Checks the next cell, whose labels behind and in front these are.
+    /// Checks the next cell; `pair` holds its labels behind and in front.
     pub(super) fn check(&mut self, pair: [u16; 2], table: &[Label]) -> Result<(), Fault> {
         let cell = VoxelIndex::new(self.cell);
         self.cell += 1;

@@ -7,8 +7,8 @@
 //! A triangle shorter than eight voxels is a record of 24 bytes, which holds its first vertex and the ways to the
 //! others in 16 bits; a longer one takes two. (lz4 took a quarter less and a second for ten million.)
 //!
-//! A bin holds every triangle that concerns the voxels of 32 rows and 32 slices and on those two beyond, along
-//! the whole of x. The file has no name, as that of skin records.
+//! A bin holds every triangle that concerns the voxels of 32 rows and 32 slices, and of two more on every side, along
+//! the whole of x. The file has no name, like the one of skin records.
 #![expect(clippy::cast_possible_truncation, reason = "bins lie within the grid, blocks are short")]
 
 use std::fs::File;
@@ -20,7 +20,7 @@ use crate::geom::Dims;
 use crate::platform::FileExt;
 use crate::volume::{SourceError, SourceFault};
 
-/// Rows and slices of a bin, as a power of two: those of a brick.
+/// Rows and slices of a bin, as a power of two: as many as a brick's.
 const BIN_SHIFT: i32 = 5;
 /// Rows and slices beyond a bin for which it holds triangles: the bits are two slices ahead, and a nearest
 /// triangle is less than two voxels away.
@@ -44,7 +44,7 @@ pub(super) const BINNING_BYTES: u64 = (CHUNKS * size_of::<Chunk>() + WRITE + (64
 /// second in the lower half of a word. Or half of a longer one; the x of its first half is beyond any coordinate.
 pub(super) type Record = [i32; 6];
 
-/// Added to the x of a longer triangle.
+/// Offset of the x of a longer triangle.
 const LONG: i32 = 1 << 30;
 
 #[inline]
@@ -60,7 +60,7 @@ fn pair([x, rest @ .., a, b, c]: &Triangle) -> [Record; 2] {
     [[x + LONG, y, z, p, q, r], [*a, *b, *c, 0, 0, 0]]
 }
 
-/// The way to the second and to the third vertex along an axis.
+/// The edges to the second and to the third vertex along an axis.
 #[inline]
 pub(super) fn ways(record: &Record, axis: usize) -> [i32; 2] {
     let both = record[3 + axis];
@@ -120,20 +120,20 @@ pub(super) fn held(block: &[Record]) -> impl Iterator<Item = BinTriangle<'_>> {
     numbered(block).map(|(_, t)| t)
 }
 
-/// A block's head, as long as a record: where the bin's block before it is, and how many records that holds.
+/// A block's head, as long as a record: offset and records of the bin's block before it.
 type Head = [u64; 3];
 
 #[derive(Clone, Copy, Debug)]
 struct Bin {
-    /// Where its last block is, and the records of that.
+    /// Offset of its last block, and the block's records.
     offset: u64,
     records: u32,
     triangles: u32,
-    /// Columns between which they lie.
+    /// Lowest and highest column of its triangles.
     columns: (i16, i16),
 }
 
-/// A list of chunks, of which only the first may have room, and the records in all of them.
+/// A list of chunks, of which only the first may have room, and the number of their records.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     first: u32,
@@ -153,7 +153,7 @@ pub(super) struct Binner {
     waiting: Vec<Waiting>,
     chunks: Vec<Chunk>,
     free: u32,
-    /// Chunks that are free.
+    /// Number of free chunks.
     room: usize,
     buffer: Vec<u8>,
     written: u64,
@@ -192,7 +192,7 @@ impl Bins {
         self.at(row, slice).triangles
     }
 
-    /// Columns between which the triangles of a bin lie; the first is larger than the last for none.
+    /// Lowest and highest column of the triangles of a bin; the first is larger than the last for none.
     pub(super) fn columns(&self, row: u32, slice: u32) -> (i32, i32) {
         let (low, high) = self.at(row, slice).columns;
         (low.into(), high.into())
@@ -231,7 +231,7 @@ impl Bins {
     }
 }
 
-/// Through which blocks are read.
+/// Buffers through which blocks are read.
 pub(super) struct BlockBuffers {
     records: Vec<Record>,
 }
@@ -262,7 +262,7 @@ impl Binner {
         }))
     }
 
-    /// Bins to which more is added.
+    /// Reopens bins to add more triangles.
     pub(super) fn go_on(bins: Bins) -> Self {
         Self {
             waiting: vec![Waiting { first: NONE, count: 0 }; bins.bins.len()],
@@ -342,7 +342,7 @@ impl Binner {
         bin.triangles = bin.triangles.saturating_add(1);
     }
 
-    /// Swaps out what is worth a block; everything, if that frees little.
+    /// Swaps out bins with records worth a block; all bins, if that frees little.
     fn make_room(&mut self) -> Result<(), SourceError> {
         for least in [WORTH, 1] {
             for at in 0..self.waiting.len() {
@@ -362,7 +362,7 @@ impl Binner {
         let Waiting { first: mut next, count: mut left } =
             std::mem::replace(&mut self.waiting[at], Waiting { first: NONE, count: 0 });
         while left > 0 {
-            // Chunks are full but for the first, and for one record where two did not fit.
+            // Chunks are full except for the first, and for one record where two did not fit.
             let most = left.min(BLOCK as u32);
             if self.buffer.len() + (most as usize + 1) * RECORD > WRITE {
                 self.flush()?;
@@ -396,7 +396,7 @@ impl Binner {
         Ok(())
     }
 
-    /// Writes what still waits.
+    /// Writes the records that still wait.
     pub(super) fn finish(mut self) -> Result<Bins, SourceError> {
         for at in 0..self.waiting.len() {
             if self.waiting[at].count > 0 {
@@ -409,7 +409,7 @@ impl Binner {
     }
 }
 
-/// May a triangle bear upon a bin, seen along x? Always right where it says no.
+/// True if a triangle may bear upon a bin, seen along x; false only if it does not.
 fn meets(t: &Triangle, y: i32, z: i32) -> bool {
     // The bin with two voxels and a half around, in lattice steps.
     let around = i64::from(BEYOND) * 4096 + 2048;
@@ -424,7 +424,7 @@ fn meets(t: &Triangle, y: i32, z: i32) -> bool {
     if area == 0 {
         return span(t, 1).1 as i64 >= ylow && i64::from(span(t, 1).0) <= yhigh;
     }
-    // Beyond one of its edges on every corner of the box?
+    // The triangle is off if every corner of the box lies beyond one of its edges.
     (0..3).all(|k| {
         let (a, b) = (corners[k], corners[(k + 1) % 3]);
         [(ylow, zlow), (yhigh, zlow), (ylow, zhigh), (yhigh, zhigh)]
@@ -470,7 +470,7 @@ mod tests {
             .unwrap();
             assert_eq!(got.len() as u32, bins.triangles(row, slice));
             got.sort_unstable();
-            // Those that reach the bin's rows and slices, two more included, must be there.
+            // Triangles that reach the bin's rows and slices, two more included, must be there.
             let touches = |t: &&Triangle| {
                 [(1, row), (2, slice)].into_iter().all(|(axis, at)| {
                     let (low, high) = centres(t, axis);

@@ -1,10 +1,10 @@
-//! Eight distances from triangles at once, in single precision: what is farther than another one need not be asked.
+//! Lower bounds of eight distances from triangles at once, in single precision: farther triangles need not be asked.
 
-/// Distances at a time.
+/// Number of distances computed at a time.
 pub(super) const LANES: usize = 8;
 
-/// Squared distances of the origin from triangles, of which the first corner and the ways to the others are known:
-/// at most by a step too large. Zero for slivers.
+/// Squared distances of the origin from triangles, given by their first corner and the edges to the others: at most by
+/// a step too large. Zero for slivers.
 #[inline(always)]
 pub(super) fn at_least(t: &[[f32; LANES]; 9]) -> [f32; LANES] {
     let mut out = [0.0; LANES];
@@ -19,7 +19,7 @@ pub(super) fn at_least(t: &[[f32; LANES]; 9]) -> [f32; LANES] {
             if s < 1.0 { s } else { 1.0 }
         };
         let square = |p: [f32; 3]| dot(p, p);
-        // Along both edges from the first corner, and along the third.
+        // Places along both edges from the first corner, and along the third.
         let (s, u) = (unit(ab / (bb + 0.5)), unit(ac / (cc + 0.5)));
         let d = [c[0] - b[0], c[1] - b[1], c[2] - b[2]];
         let e = [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -58,7 +58,7 @@ mod tests {
         };
         let (mut near, mut all) = (0, 0);
         for round in 0..20_000 {
-            // Among them very small ones and slivers.
+            // Very small triangles and slivers are among them.
             let size = [5000, 300, 7, 5000][round % 4];
             let mut ways: [i32; 6] = std::array::from_fn(|_| next(size) - next(size));
             if round % 16 == 3 {

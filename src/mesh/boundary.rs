@@ -1,10 +1,10 @@
-//! The open edges of a mesh found in constant memory, and the caps that close them.
+//! Open edges of a mesh, found in constant memory, and the caps that close them.
 //!
-//! Edges are thrown into a table of sums: each into three cells, with the sign of its direction. Those of closed
-//! parts cancel, however many they are; what is left is peeled off cell by cell, as long as few enough are open
-//! (Eppstein, Goodrich 2011, *Straggler Identification in Round-Trip Data Streams via Newton's Identities and
-//! Invertible Bloom Filters*). The open edges of any mesh form loops; a cap over each closes it. A face that is
-//! there twice, or turned over, is such a loop, too: its cap undoes it.
+//! Edges are thrown into a table of sums: each into three cells, with the sign of its direction. Edges of closed parts
+//! cancel, however many they are; the rest is peeled off cell by cell, as long as few enough are open (Eppstein,
+//! Goodrich 2011, *Straggler Identification in Round-Trip Data Streams via Newton's Identities and Invertible Bloom
+//! Filters*). The open edges of any mesh form loops; a cap over each closes it. A face that is there twice, or turned
+//! over, is such a loop, too: its cap undoes it.
 
 use super::lattice::{Triangle, smallest_first};
 use crate::fault::{Fault, bad};
@@ -12,11 +12,11 @@ use crate::text::names::FILL;
 
 /// Cells of the table. The number is part of the definition of a solid: it decides which meshes can be closed.
 const CELLS: usize = 3 << 13;
-/// Most open edges that are taken off the table; more than three quarters of the cells can hardly be.
+/// Most open edges that are taken off the table; it seldom holds more than three quarters of its cells.
 const MAX_EDGES: usize = 18_000;
 
-/// Memory of finding open edges and closing them, with that of the reader, which rests where edges are in lists. These
-/// grow while the table shrinks: it is gone before loops are looked for, of which every edge takes 112 bytes at most.
+/// Memory for finding open edges and closing them, together with the reader's, which rests while edges are in lists.
+/// These grow while the table shrinks: it is gone before loops are sought, which take 112 bytes an edge at most.
 pub(super) const BOUNDARY_BYTES: u64 = (CELLS * size_of::<Cell>() + (64 << 10)) as u64;
 const _: () = assert!((MAX_EDGES * size_of::<OpenEdge>()) as u64 <= super::read::READER_BYTES);
 const _: () = assert!(MAX_EDGES as u64 * 112 <= BOUNDARY_BYTES + super::read::READER_BYTES);
@@ -25,9 +25,9 @@ type Point = [i32; 3];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sums {
-    /// With the sign of their direction.
+    /// Edges count with the sign of their direction.
     Signed,
-    /// Twice is as good as not at all.
+    /// Edges count modulo two.
     Odd,
 }
 
@@ -39,7 +39,7 @@ struct Cell {
     check: u64,
 }
 
-/// An edge that is left, from one end to the other, and how many times.
+/// An edge that is left, with its ends and its multiplicity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct OpenEdge {
     from: Point,
@@ -91,7 +91,7 @@ impl Cell {
         }
     }
 
-    /// The only edge in the cell, how many times, and its hash.
+    /// The only edge in the cell, its multiplicity, and its hash.
     fn single(&self) -> Option<([i64; 6], i64, u64)> {
         if self.count == 0 || self.ends.iter().any(|c| c % self.count != 0) {
             return None;
@@ -156,7 +156,7 @@ impl Table {
     }
 }
 
-/// Does the mesh have edges whose faces disagree about its direction?
+/// True if the mesh has edges whose faces disagree about their direction.
 pub(super) fn disagree(edges: &[OpenEdge]) -> bool {
     edges.iter().any(|edge| edge.times % 2 == 0)
 }
@@ -173,7 +173,7 @@ pub(super) fn too_open() -> Fault {
 struct Graph {
     edges: Vec<OpenEdge>,
     odd: bool,
-    /// By the first edge of each vertex: its place on the path, and the next edge to look at.
+    /// For the first edge of each vertex: its place on the path, and the next edge to look at.
     on_path: Vec<u32>,
 }
 
@@ -202,10 +202,10 @@ impl Graph {
     }
 }
 
-/// Calls `cap` with triangles that close the loops of open edges; returns how many loops there are.
+/// Calls `cap` with triangles that close the loops of open edges; returns the number of loops.
 ///
-/// A loop of three edges is closed by one triangle, a longer one by a fan around its mean. Loops that meet in a
-/// vertex are parted there.
+/// A loop of three edges is closed by one triangle, a longer one by a fan around its mean. Loops that meet in a vertex
+/// are parted there.
 pub(super) fn close(
     mut edges: Vec<OpenEdge>,
     sums: Sums,
@@ -228,7 +228,7 @@ pub(super) fn close(
                 let place = graph.first(here);
                 let known = graph.on_path.get(place).copied().unwrap_or(NOT);
                 if known != NOT {
-                    // Round: what stands on the path since then is a loop.
+                    // A loop: the path since that vertex.
                     let from = known as usize;
                     for p in &path[from..] {
                         let place = graph.first(*p);
@@ -315,7 +315,7 @@ mod tests {
     fn any_mesh_is_closed_by_caps_over_its_loops() {
         let mesh = sheet(40);
         assert_eq!(closed(mesh.clone(), Sums::Signed), (Closed::Oriented, 1, 160));
-        // Holes, two of which meet in a vertex, a face that is there twice and one that is turned over.
+        // Holes, two of them meeting in a vertex, a face that is there twice and one that is turned over.
         let mut holes = mesh;
         for at in [900, 402, 322] {
             holes.remove(at);

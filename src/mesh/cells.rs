@@ -6,7 +6,7 @@
 //!             reaches nearer than the best so far
 //! ```
 //!
-//! Bounds are in single precision with steps to spare; what is offered is decided as ever.
+//! Bounds are in single precision with steps to spare; offered triangles are decided exactly, as all others.
 //!
 //! Searches that were tried on a torus of 1.84 M skin voxels, of 1 M triangles of two voxels and of 10 M of half
 //! a voxel; in processor seconds, on a machine that differs by a fifth from run to run:
@@ -39,10 +39,10 @@ const MAX_BALLS: usize = 1024;
 /// Cells beyond the brick, and along x and y.
 const MARGIN: i32 = 4;
 const SIDE: usize = 32 + 2 * MARGIN as usize;
-/// Largest edge of a box around a triangle that is sorted, in lattice steps.
+/// Largest edge of the box of a triangle that is sorted, in lattice steps.
 const LARGEST: i32 = STEPS + STEPS / 4;
 const NONE: u32 = u32::MAX;
-/// Beyond every squared distance in lattice steps of a brick.
+/// Larger than any squared distance in lattice steps of a brick.
 const FAR: f32 = 1e12;
 
 /// The ball around a triangle: its middle from the brick's corner and slice, and its radius, in lattice steps.
@@ -61,16 +61,16 @@ struct Balls {
     records: [u32; LANES],
 }
 
-/// None, far from every voxel.
+/// Balls far from every voxel, in place of none.
 const NOWHERE: Balls = Balls { at: [[1e9; LANES]; 3], radius: [0.0; LANES], records: [0; LANES] };
 
 /// Small triangles near to one slice of a brick.
 pub(super) struct Cells {
     balls: Vec<Ball>,
-    /// Rows of cells that hold some.
+    /// Rows of cells that hold balls.
     rows: (usize, usize),
     largest: f32,
-    /// First ball of every cell, once they are sorted.
+    /// First ball of every cell, once the balls are sorted.
     starts: Vec<u16>,
     sorted: Vec<Balls>,
 }
@@ -90,7 +90,7 @@ impl Cells {
         }
     }
 
-    /// Is it time for [`Cells::seek`]?
+    /// True when [`Cells::seek`] is due.
     pub(super) fn is_full(&self) -> bool {
         self.balls.len() == MAX_BALLS
     }
@@ -103,7 +103,7 @@ impl Cells {
         for (axis, corner) in [x, y, z].into_iter().enumerate() {
             let [a, b] = ways(record, axis);
             let (low, high) = (a.min(b).min(0), a.max(b).max(0));
-            // Far below what would overflow: coordinates are below 2^29.
+            // No overflow: coordinates are below 2^29.
             doubled[axis] = (2 * record[axis].wrapping_sub(corner)).wrapping_add(low).wrapping_add(high);
             edges[axis] = high.wrapping_sub(low);
         }
@@ -113,7 +113,7 @@ impl Cells {
         let cell = |doubled: i32| (doubled >> 13) + MARGIN;
         let (column, row) = (cell(doubled[0]), cell(doubled[1]));
         let side = 0..SIDE as i32;
-        // By its box.
+        // A quick test by the triangle's box.
         let far = doubled[2].abs() - edges[2] > 2 * reach + 2;
         if far || !side.contains(&column) || !side.contains(&row) {
             return true;
@@ -245,7 +245,7 @@ struct VoxelSearch<'a> {
 }
 
 impl VoxelSearch<'_> {
-    /// As far as a triangle may be, with steps to spare.
+    /// Greatest distance of a triangle that may count, with steps to spare.
     #[inline(always)]
     fn bound(&self) -> f32 {
         self.best.bound() + 2.0
@@ -260,7 +260,7 @@ impl VoxelSearch<'_> {
         }
     }
 
-    /// Offers those that are near enough.
+    /// Offers the waiting triangles that are near enough.
     #[inline(always)]
     fn settle<'r>(&mut self, record: &impl Fn(u32) -> &'r Record) {
         if self.count == 0 {
@@ -297,14 +297,14 @@ impl VoxelSearch<'_> {
 }
 
 impl Cells {
-    /// Rows of cells around that of a voxel that hold some.
+    /// Rows of cells around a voxel's that hold balls.
     #[inline(always)]
     fn rows_around(&self, y: usize, beyond: usize) -> (usize, usize) {
         let own = y + MARGIN as usize;
         (own.saturating_sub(beyond).max(self.rows.0), (own + beyond + 1).min(self.rows.1))
     }
 
-    /// Balls of the cells of a row around that of a voxel, and some more.
+    /// Balls of the cells of a row around a voxel's, and some more.
     #[inline(always)]
     fn around(&self, x: usize, row: usize, beyond: usize) -> &[Balls] {
         let own = x + MARGIN as usize;
@@ -314,7 +314,7 @@ impl Cells {
         if start < end { &self.sorted[start / LANES..end.div_ceil(LANES)] } else { &[] }
     }
 
-    /// The triangle whose middle is nearest to a voxel, of those in its cell and so many beyond.
+    /// The triangle whose middle is nearest to a voxel, among those in its cell and `beyond` cells around it.
     #[inline(always)]
     fn nearest_middle(&self, [x, y]: [usize; 2], p: [f32; 2], beyond: usize) -> u32 {
         let (mut least, mut records) = ([FAR; LANES], [NONE; LANES]);
@@ -341,7 +341,7 @@ impl Cells {
     }
 }
 
-/// Which balls are as near as a bound, a bit each.
+/// Balls within a bound, a bit each.
 #[inline(always)]
 fn reached(balls: &Balls, p: [f32; 2], bound: f32) -> u32 {
     let squared = squared(balls, p);

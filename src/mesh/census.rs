@@ -1,8 +1,8 @@
-//! Is a mesh closed? Told in constant memory, by sums over its edges.
+//! Test in constant memory whether a mesh is closed, by sums over its edges.
 //!
-//! Every edge has a hash of 128 bits of its two ends. One sum counts it with the sign of its direction, another is
-//! the exclusive or. Where every edge is met as often in one direction as in the other, the first sum is zero;
-//! where every edge is met an even number of times, the second. The converse fails with a chance of 2^-128.
+//! Every edge has a hash of 128 bits of its two ends. One sum counts it with the sign of its direction, another is the
+//! exclusive or. Where every edge is met as often in one direction as in the other, the first sum is zero; where every
+//! edge is met an even number of times, the second. The converse fails with a chance of 2^-128.
 
 use super::lattice::Triangle;
 
@@ -21,7 +21,7 @@ pub(crate) enum Closed {
     No,
 }
 
-/// Both halves of a product, folded: one multiplication mixes all bits of both factors.
+/// Exclusive or of both halves of a product: one multiplication mixes all bits of both factors.
 #[inline]
 fn fold(a: u64, b: u64) -> u64 {
     let product = u128::from(a) * u128::from(b);

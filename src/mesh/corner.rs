@@ -19,7 +19,7 @@ pub(super) struct Corner {
     pub(super) hash: [u64; 2],
 }
 
-/// Vertices that no triangle names may be anything.
+/// Soundness of a vertex. Vertices that no triangle names may be anything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Sound,

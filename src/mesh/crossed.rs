@@ -1,8 +1,8 @@
-//! A mesh as a solid of cells: planes from where the edges between voxel centres cross its triangles.
+//! A mesh as a solid of cells: planes at the crossings of its triangles with the edges between voxel centres.
 //!
-//! Which centres are inside is what it is for skin. An edge with one end inside is crossed where it meets a triangle; a
-//! triangle holds its border here, as no crossings are counted. The normal there is the triangle's. So neither the order
-//! of triangles nor memory nor threads change a cell.
+//! The centres that are inside are the same as for skin. An edge with one end inside is crossed where it meets a
+//! triangle; a triangle holds its border here, as no crossings are counted. The normal there is the triangle's. So
+//! neither the order of triangles nor memory nor threads change a cell.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -19,7 +19,7 @@ use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
-/// A crossing so near to a centre is one of both edges that end there.
+/// Distance from a centre, in voxels, below which a crossing belongs to both edges that end there.
 const SAME: f64 = 1.0 / 65536.0;
 /// The source of its planes, for the model.
 const ESTIMATOR: &str = "triangle planes";

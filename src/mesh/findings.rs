@@ -1,10 +1,10 @@
-//! Findings about triangle meshes, and what was chosen.
+//! Findings about triangle meshes, and the choices made.
 
 use std::fmt;
 
 use crate::text::shown;
 
-/// How a mesh bounds its solid.
+/// Kind of boundary of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
     /// Every edge is shared by faces of opposite directions.
@@ -22,19 +22,19 @@ pub enum Boundary {
     Sheet,
 }
 
-/// Which voxels are inside a mesh.
+/// Rule for the voxels inside a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fill {
-    /// Those that the mesh winds around, in either direction.
+    /// Voxels that the mesh winds around, in either direction.
     Winding,
-    /// Those from which a ray meets the mesh an odd number of times.
+    /// Voxels from which a ray meets the mesh an odd number of times.
     Parity,
-    /// Those that the mesh itself crosses, and no others.
+    /// Voxels that the mesh itself crosses, and no others.
     Surface,
 }
 
-/// What a mesh lacks, or what of it was not built, where it can be built all the same.
+/// A lack of a mesh, or a part of it that was not built, which does not prevent the build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshNote {
     pub(crate) mesh: String,
@@ -47,7 +47,7 @@ impl fmt::Display for MeshNote {
     }
 }
 
-/// What was found about a mesh, and what was chosen.
+/// Findings about a mesh, and the choices made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshFacts {
     /// Triangles read.
@@ -58,13 +58,13 @@ pub struct MeshFacts {
     pub files: u64,
     /// Parts in all of them, at least one each.
     pub parts: u64,
-    /// Is it closed?
+    /// Kind of its boundary.
     pub boundary: Boundary,
-    /// What is inside.
+    /// Rule for inside.
     pub fill: Fill,
-    /// Was the fill asked for?
+    /// True if the fill was chosen by the caller.
     pub asked_for: bool,
-    /// Are walls thinner than a voxel kept?
+    /// True if walls thinner than a voxel are kept.
     pub keep_thin: bool,
     /// Edge of a voxel in mm.
     pub voxel_mm: f64,

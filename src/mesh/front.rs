@@ -1,4 +1,4 @@
-//! From files to a solid: bounds, grid, bins, what the mesh carries, caps.
+//! Conversion of files to a solid: bounds, grid, bins, looks of triangles, caps.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -41,18 +41,18 @@ pub(super) struct Front<'a> {
     pub(super) options: &'a BuildOptions,
     pub(super) scratch: PathBuf,
     pub(super) progress: &'a dyn Progress,
-    /// Where the mesh lies as a part of something else, in units of the grid.
+    /// Affine of a mesh that is a part of something else, to units of the grid.
     pub(super) placed: Option<Affine>,
-    /// How far the model reaches, filled while it is built.
+    /// Extent of the model, filled while it is built.
     pub(super) reach: Arc<Reach>,
 }
 
-/// All triangles, caps included, and what is inside of them.
+/// All triangles, caps included, and the rule for inside.
 struct Closing {
     bins: Bins,
     boundary: Boundary,
     rule: Rule,
-    /// Do crossings of a row end with none of it inside?
+    /// True if the crossings of every row sum up to outside at its end.
     closed: bool,
 }
 
@@ -76,10 +76,10 @@ impl Counts {
 /// Memory for the descriptions of files whose build was refused.
 const DESCRIPTIONS: u64 = 512 << 10;
 
-/// More than a material with its texture takes while colours are gathered.
+/// Upper bound of the memory of a material with its texture while colours are gathered.
 const MATERIAL_BYTES: u64 = 8 << 10;
 
-/// What a file's description would take, where it has no room.
+/// Memory that a file's description would take, if it does not fit.
 fn described_bytes(error: &BuildError) -> Option<u64> {
     let BuildFault::Source(error) = error.fault() else { return None };
     match error.fault() {
@@ -88,7 +88,7 @@ fn described_bytes(error: &BuildError) -> Option<u64> {
     }
 }
 
-/// The most that an image of the files takes while it is read.
+/// Most memory that reading an image of the files takes.
 fn image_bytes(files: &[MeshFile], wanted: PaintChannels) -> u64 {
     let materials = files.iter().flat_map(|file| &file.summary.materials).filter(|_| wanted.colors);
     let images = materials.filter_map(|material| material.texture.as_ref());
@@ -99,7 +99,7 @@ fn no_triangles() -> Fault {
     bad!("does not hold a triangle")
 }
 
-/// How far a part reaches, and the edges that it has an odd number of times, as a sum that is 0 for none.
+/// Bounds of a part, and a sum over the edges that it has an odd number of times, 0 for none.
 #[derive(Clone, Copy)]
 struct PartBounds {
     bounds: Bounds,
@@ -125,7 +125,7 @@ impl PartBounds {
 }
 
 impl Front<'_> {
-    /// Are cells built in place of skin voxels?
+    /// True if cells are built in place of skin voxels.
     fn is_of_cells(&self) -> bool {
         self.options.volume_surface() == SurfaceKind::Cells
     }
@@ -145,10 +145,10 @@ impl Front<'_> {
         fault.at(path).into()
     }
 
-    /// The solid that is built, and the channels that it has of those that are asked for.
+    /// The solid to build, and its channels among the chosen ones.
     ///
     /// # Errors
-    /// It cannot be read, or not be built in this way.
+    /// The mesh cannot be read, or not be built in this way.
     pub(super) fn made(
         &self,
     ) -> Result<(FileSolid<'static>, Channels, MeshFacts, Vec<MeshNote>), BuildError> {
@@ -184,21 +184,21 @@ impl Front<'_> {
     }
 
     pub(super) fn solid(&self) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
-        // Made before anything is opened, so that nothing counts twice.
+        // Computed before anything is opened, so that nothing counts twice.
         let dry = Budget::dry(self.options.memory);
         self.solid_within(&Budget::of_job(self.options.memory)).map_err(|error| {
             let described = described_bytes(&error);
             let error = described.map_or(error, |bytes| too_small(self.name(), self.options.memory, bytes));
             let named = error.minimum_bytes();
             match named.and_then(|_| self.sufficient_bytes().ok()) {
-                // A quarter more: what is resident differs from one size of cap to another.
+                // A quarter more: resident memory differs from one size of cap to another.
                 Some(bytes) => error.with_minimum(dry.smallest_limit_with(bytes + bytes / 4)),
                 None => error,
             }
         })
     }
 
-    /// Memory in which every stage has room: the sum of the stages, for the files as they are.
+    /// Memory that suffices for every stage: the sum of the stages, for these files.
     fn sufficient_bytes(&self) -> Result<u64, BuildError> {
         let mut mesh = *self.mesh;
         let described = match self.open(DESCRIPTIONS) {
@@ -211,7 +211,7 @@ impl Front<'_> {
             }
             Err(error) => {
                 let error = BuildError::from(error);
-                // Descriptions that are larger are not read to find out how large they are.
+                // Larger descriptions are not read to learn their size.
                 described_bytes(&error).map(|bytes| 4 * bytes).ok_or(error)?
             }
         };
@@ -296,7 +296,7 @@ impl Front<'_> {
         Ok(MeshSolid { name, grid, bins, rule, closed, open: false, resident, reach, inputs, wanted, paint })
     }
 
-    /// All triangles in bins, what was counted of them, and what they carry.
+    /// All triangles in bins, their counts, and their looks.
     fn binned(
         &self,
         budget: &Budget,
@@ -341,7 +341,7 @@ impl Front<'_> {
         let closing = self.reserve(budget, BOUNDARY_BYTES)?;
         let (edges, sums, closed) = match self.open_edges(files, grid)? {
             Some((edges, sums)) => (edges, sums, true),
-            // With a stated fill the mesh is taken as it is.
+            // A stated fill takes the mesh as it is.
             None if self.mesh.fill.is_some() => (Vec::new(), Sums::Signed, false),
             None => return Err(self.unusable(boundary::too_open()).into()),
         };
@@ -393,8 +393,8 @@ impl Front<'_> {
         self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
     }
 
-    /// Channels that are asked for; parts of something else have only normals of their own triangles, and cells those
-    /// of their planes.
+    /// Chosen channels. Parts of something else have only normals, from their own triangles; cells have the normals of
+    /// their planes.
     fn asked(&self) -> PaintChannels {
         let asked = |channel| self.placed.is_none() && self.options.channels().contains(channel);
         PaintChannels {
@@ -404,14 +404,14 @@ impl Front<'_> {
         }
     }
 
-    /// Channels that are asked for and present.
+    /// Channels that are chosen and present.
     fn wanted(&self, files: &[MeshFile]) -> PaintChannels {
         let has = |k: usize| files.iter().any(|file| file.summary.looks[k]);
         let asked = self.asked();
         PaintChannels { colors: asked.colors && has(0), normals: asked.normals && has(1), ..asked }
     }
 
-    /// What the model lacks, known once it is built: is it short of the mesh, as walls thinner than a voxel vanished?
+    /// Note on a model that is short of its mesh, as walls thinner than a voxel vanished; known once it is built.
     pub(super) fn short(&self) -> Option<MeshNote> {
         let voxels = self.reach.short()?;
         Some(MeshNote {
@@ -426,8 +426,8 @@ impl Front<'_> {
         if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() }
     }
 
-    /// The grid of the choice, and how many parts of several, closed ones and open ones, have no centre of a voxel within; the bounds are those of
-    /// triangles, not of vertices that no face names.
+    /// The chosen grid, and the numbers of parts, closed and open ones, that hold no centre of a voxel, if there are
+    /// several parts; the bounds are those of triangles, not of vertices that no face names.
     fn grid(&self, files: &[MeshFile]) -> Result<(Grid, [u64; 2]), SourceError> {
         let mut bounds = Bounds::EMPTY;
         let mut parts = Vec::new();
@@ -490,7 +490,7 @@ impl Front<'_> {
         })
     }
 
-    /// The same with what triangles carry, and the number of the file.
+    /// Like `count`, with the looks of triangles, and the number of the file.
     fn count_looks(
         &self,
         files: &[MeshFile],
@@ -537,7 +537,7 @@ impl Front<'_> {
         Ok(counts)
     }
 
-    /// The open edges, and how they are counted: with their direction, unless that disagrees with its neighbours;
+    /// The open edges, and the way of counting them: with their direction, unless that disagrees with its neighbours;
     /// `None` if they are too many.
     fn open_edges(
         &self,
@@ -563,7 +563,7 @@ impl Front<'_> {
         }
     }
 
-    /// How many triangles a worker may load: those of the fullest bin, if the budget has room.
+    /// Number of triangles that a worker may load: as many as the fullest bin has, if the budget has room.
     fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels() };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(MIN_WORKER) + WORKER_OVERHEAD;
@@ -576,7 +576,7 @@ impl Front<'_> {
             Some(_) => (own + thin::fixed_bytes(&tile), 2),
         };
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own) / shares;
-        // A longer triangle takes two places more, one near to two bricks another.
+        // A longer triangle takes two more places, and one near to two bricks another.
         let most = 4 * bins.fullest() as usize + 8;
         Resident::fit(each).clamp(MIN_RESIDENT, MIN_RESIDENT.max(most))
     }

@@ -26,18 +26,18 @@ const ROUNDER: f64 = 6_755_399_441_055_744.0;
 /// A triangle on the lattice: x, y, z of its three vertices, the smallest first.
 pub(crate) type Triangle = [i32; 9];
 
-/// How fine a grid is and where it lies.
+/// Fineness and position of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GridChoice {
-    /// So many voxels along the longest side of the mesh, margins included.
+    /// A number of voxels along the longest side of the mesh, margins included.
     Side {
         /// Voxels.
         voxels: u32,
         /// Voxels left free at every side.
         margin: u32,
     },
-    /// Voxels of so many mm around the mesh.
+    /// Voxels of a given edge around the mesh.
     Voxel {
         /// Edge in mm.
         edge_mm: f64,
@@ -56,7 +56,7 @@ pub enum GridChoice {
 }
 
 impl GridChoice {
-    /// Where nothing is said: fine enough that a picture of usual size shows no steps.
+    /// Default: fine enough that a picture of usual size shows no steps.
     pub(crate) const USUAL: Self = Self::Side { voxels: 512, margin: 1 };
 }
 
@@ -101,7 +101,7 @@ pub struct Grid {
 const MAX_SIDE: f64 = 16384.0;
 
 impl Grid {
-    /// The grid of a choice around a mesh of these bounds, whose units are so many mm.
+    /// The grid of a choice around a mesh of these bounds, in units of `unit_mm` mm.
     ///
     /// # Errors
     /// The mesh is a point, or the grid would be too large.
@@ -169,7 +169,8 @@ impl Grid {
         Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
     }
 
-    /// Does the centre of a voxel lie within bounds in units of the file? Otherwise no voxel is inside what they bound.
+    /// True if the centre of a voxel lies within bounds in units of the file. Otherwise no voxel is inside a mesh of
+    /// these bounds.
     pub(crate) fn has_centre(&self, bounds: &Bounds) -> bool {
         self.centres(bounds).iter().all(|[first, last]| first <= last)
     }
@@ -201,8 +202,8 @@ impl Grid {
     }
 }
 
-/// The triangle of three points, its smallest vertex first: what is computed of it does not depend on where the file
-/// begins it.
+/// The triangle of three points, its smallest vertex first: results do not depend on the vertex with which the file
+/// begins.
 #[inline]
 pub(crate) fn smallest_first([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     let [a, b, c] = if a <= b && a <= c {

@@ -14,14 +14,14 @@
 //! | `corner` | vertices on the lattice, each once |
 //! | `census`, `boundary` | closed or not, by sums; open edges and caps |
 //! | `bins` | triangles sorted by place, in a scratch file |
-//! | `raster` | rows that cross triangles, bits from crossings |
+//! | `raster` | crossings of rows and triangles, and the bits from them |
 //! | `resident`, `cells` | triangles in memory; small ones by cells of a voxel |
 //! | `nearest`, `bound`, `prism` | the triangle nearest to a voxel; bounds that rule out others |
-//! | `crossed` | cells instead of skin: planes from where edges meet triangles |
+//! | `crossed` | cells instead of skin: planes at the crossings of edges and triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
-//! | `front` | from files to a solid: all of the above, one after the other |
+//! | `front` | conversion of files to a solid: all of the above, one after the other |
 //! | `solid` | all of it as a solid of the builder |
-//! | `reach` | how far the inside reaches, against how far the mesh does |
+//! | `reach` | extent of the inside, compared with the mesh's |
 //! | `thin` | surfaces alone, and walls thinner than a voxel |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
@@ -84,10 +84,10 @@ use thin::Thin;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
-    /// As models have it.
+    /// The z axis, as in most models.
     #[default]
     Z,
-    /// As glTF has it, whose z axis leads to the front.
+    /// The y axis, as in glTF, whose z axis leads to the front.
     Y,
 }
 
@@ -101,21 +101,21 @@ impl UpAxis {
     }
 }
 
-/// How a mesh is made a solid.
+/// Conversion of a mesh to a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
-    /// How fine the grid is.
+    /// Fineness of the grid.
     pub grid: GridChoice,
     /// Millimetres of a unit of the files.
     pub unit_mm: f64,
-    /// Up in files that do not say it: all but glTF and 3MF.
+    /// Up axis of files that do not state it: all but glTF and 3MF.
     pub up: UpAxis,
-    /// The rule for inside; the one that fits the mesh, if not given.
+    /// Rule for inside; `None` to choose the one that fits the mesh.
     pub fill: Option<Fill>,
-    /// Are walls thinner than a voxel kept? What is inside is then, too, a voxel of every two neighbours between whose
-    /// centres, both outside, the mesh passes. Without effect where the fill is [`Fill::Surface`].
+    /// True to keep walls thinner than a voxel. Of every two neighbours whose centres are both outside, with the mesh
+    /// passing between them, one voxel is then inside, too. Without effect where the fill is [`Fill::Surface`].
     pub keep_thin: bool,
-    /// May links lead from files that a mesh names out of its folder?
+    /// True to follow links that lead from files that a mesh names out of its folder.
     pub follow_links: bool,
 }
 
@@ -130,9 +130,9 @@ impl MeshOptions {
 
 /// Fewest triangles that a worker has room for.
 const MIN_RESIDENT: usize = 2048;
-/// Bytes of a worker of the builder without its part of the solid, about.
+/// Approximate bytes of a worker of the builder without its part of the solid.
 const COLUMN_BYTES: u64 = 768 << 10;
-/// Bytes that joining cells takes in addition, about.
+/// Approximate bytes that joining cells takes in addition.
 const JOINING_BYTES: u64 = 1 << 20;
 
 /// The default channels of a mesh: normals, and colours if it has them; larger leaves hold none.
@@ -141,10 +141,10 @@ pub(crate) fn usual_channels(options: &BuildOptions) -> Channels {
 }
 
 /// Makes the solid of a mesh, which several files may hold together, and hands it on with the options that fit it;
-/// returns what is known of the meshes.
+/// returns facts about the meshes.
 ///
 /// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
-/// material the number of the part, from 0, those beyond 255 as 255: files count as parts one after the other, and
+/// material the number of the part, from 0, numbers beyond 255 as 255: files count as parts one after the other, and
 /// within them objects and groups of OBJ, nodes of glTF with a mesh, and meshes of 3MF where they are placed.
 ///
 /// # Errors
@@ -167,11 +167,11 @@ pub fn with_mesh<T>(
     Ok((done, facts, notes))
 }
 
-/// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low
-/// corner of the first. So many `parts` share the memory.
+/// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low corner
+/// of the first. The memory is shared by `parts` parts.
 ///
 /// # Errors
-/// As [`with_mesh`].
+/// The errors of [`with_mesh`].
 pub(crate) fn mesh_part(
     path: &Path,
     (placed, dims): (Affine, Dims),
@@ -194,8 +194,8 @@ fn part_options(dims: Dims) -> MeshOptions {
     MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
 }
 
-/// A closed surface of triangles in memory, on the lattice, as [`mesh_part`] has one of a file; `None` where so many
-/// `parts` have not ample room.
+/// A closed surface of triangles in memory, on the lattice, as [`mesh_part`] has one of a file; `None` where `parts`
+/// parts do not have ample room.
 ///
 /// # Errors
 /// The scratch file cannot be written.
@@ -246,7 +246,7 @@ pub(crate) fn sufficient_share(mesh: &MeshOptions, options: &BuildOptions) -> u6
     least_share(mesh, options) + if options.joins() { JOINING_BYTES } else { 0 }
 }
 
-/// The refusal of a memory cap in which these bytes have no room.
+/// The refusal of a memory cap that has no room for these bytes.
 pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildError {
     let dry = Budget::dry(memory);
     let _most = dry.reserve(bytes);
@@ -258,7 +258,7 @@ pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildErr
 /// The bounds of a mesh at another place.
 ///
 /// # Errors
-/// It cannot be read.
+/// The mesh cannot be read.
 pub(crate) fn mesh_bounds(path: &Path, placed: &Affine, scratch: &Path) -> Result<Bounds, SourceError> {
     let mut bounds = Bounds::EMPTY;
     MeshFile::open(path, &Limits::plain(scratch))?.for_each(scratch, &mut |t| {

@@ -1,22 +1,22 @@
 //! The nearest triangle of a voxel, and its normal.
 //!
-//! Which triangle is nearest does not depend on the order in which they are asked, nor on how a face is cut into
-//! triangles: squared distances are rounded to 2^-28 voxel^2, far above the error of f64, so that triangles that
-//! meet at the nearest point tie; of these the one wins that faces the voxel most, then that with the smallest code.
+//! The choice depends neither on the order in which triangles are asked, nor on the way in which a face is cut into
+//! triangles: squared distances are rounded to 2^-28 voxel^2, far above the error of f64, so that triangles that meet
+//! at the nearest point tie; of these the one wins that faces the voxel most, then the one with the smallest code.
 //! Distances share the dot products of edges among voxels.
 
 use super::lattice::{Triangle, edges};
 use crate::format::normal;
 use crate::geom::{Nearest as Point, cross, dot, nearest_on_triangle};
 
-/// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
+/// Number that rounds a squared distance in lattice steps to 2^-28 voxel^2 when it is added and taken away again.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
-/// More than bounds of squared distances err, in lattice steps squared: 32 steps, at one of them.
+/// Allowance for the errors of bounds of squared distances, in lattice steps squared: the square of 32 steps.
 const SPARE: f64 = 1024.0;
-/// Below this part of its terms a sum of products in f64 has an uncertain sign.
+/// Part of its terms below which a sum of products in f64 has an uncertain sign.
 const UNSURE: f64 = 1e-12;
 
-/// A triangle made ready for many voxels.
+/// A triangle prepared for many voxels.
 pub(crate) struct Facet {
     pub(super) a: [f64; 3],
     pub(super) ab: [f64; 3],
@@ -26,7 +26,7 @@ pub(crate) struct Facet {
     pub(super) abab: f64,
     abac: f64,
     pub(super) acac: f64,
-    /// The box around it.
+    /// Bounding box.
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
     corners: Triangle,
@@ -35,16 +35,16 @@ pub(crate) struct Facet {
 /// The best triangle of a voxel so far: squared distance, and the normal towards the outside.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nearest {
-    /// Lattice steps, squared and rounded.
+    /// Squared distance in lattice steps, rounded.
     squared: f64,
     /// Squared distance of the triangle's plane, rounded; below 0 without a triangle.
     height: f64,
-    /// Of any length.
+    /// Normal of any length.
     pub(crate) normal: [f32; 3],
 }
 
 impl Nearest {
-    /// No triangle within a distance (lattice steps, squared).
+    /// The state without a triangle, for those within a distance (lattice steps, squared).
     pub(crate) fn within(squared: f64) -> Self {
         Self { squared, height: -1.0, normal: [0.0; 3] }
     }
@@ -53,19 +53,19 @@ impl Nearest {
         self.height >= 0.0
     }
 
-    /// Its distance in lattice steps.
+    /// Distance in lattice steps.
     pub(crate) fn distance(&self) -> f64 {
         self.squared.max(0.0).sqrt()
     }
 
-    /// No triangle farther away than this, in lattice steps, would be taken.
+    /// Distance in lattice steps beyond which no triangle would be taken.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "a bound with room for it")]
     pub(super) fn bound(&self) -> f32 {
         (self.squared as f32 + 1.0).sqrt() + 0.5
     }
 
-    /// No triangle of which [`super::prism::Row::at_least`] says more would be taken.
+    /// Limit of [`super::prism::Row::at_least`] above which no triangle would be taken.
     #[inline(always)]
     pub(super) fn reach(&self) -> f64 {
         self.squared + SPARE
@@ -101,7 +101,7 @@ impl Nearest {
 }
 
 impl Facet {
-    /// The triangle made ready; `None` if it has no area.
+    /// The prepared triangle; `None` if it has no area.
     #[inline]
     pub(crate) fn new(t: &Triangle) -> Option<Self> {
         let [a, ab, ac] = edges(t);
@@ -116,10 +116,10 @@ impl Facet {
         Some(Self { a, ab, ac, normal, normal_squared, abab, abac, acac, low, high, corners: *t })
     }
 
-    /// At most the squared distance of a point.
+    /// Lower bound of the squared distance of a point.
     #[inline]
     pub(super) fn box_distance(&self, p: [f64; 3]) -> f64 {
-        // `f64::max` would look for NaN as well.
+        // `f64::max` would also test for NaN.
         let larger = |a: f64, b: f64| if a > b { a } else { b };
         let beyond = |k: usize| larger(larger(self.low[k] - p[k], p[k] - self.high[k]), 0.0);
         let d = [beyond(0), beyond(1), beyond(2)];
@@ -138,8 +138,8 @@ impl Facet {
         }
     }
 
-    /// The normal that leads from an inside voxel through the triangle's plane; `along` is how far the voxel is
-    /// along the normal as it stands, times its length.
+    /// The normal that leads from an inside voxel through the triangle's plane; `along` is the distance of the voxel
+    /// along the normal, times the normal's length.
     #[inline]
     fn outward(&self, p: [f64; 3], along: f64) -> [f32; 3] {
         let [nx, ny, nz] = self.normal;
@@ -155,7 +155,7 @@ impl Facet {
         } else if towards < 0.0 {
             -1.0
         } else {
-            // In the plane: the centre is moved by (-e, e^2, e^3).
+            // The centre lies in the plane: it is moved by (-e, e^2, e^3).
             [nx, -ny, -nz].into_iter().find(|c| *c != 0.0).map_or(1.0, f64::signum)
         };
         #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
@@ -163,7 +163,7 @@ impl Facet {
         normal
     }
 
-    /// On which side of the plane a lattice point lies, in integers.
+    /// Side of the plane on which a lattice point lies, in integers.
     fn exact_side(&self, p: [f64; 3]) -> f64 {
         let t = self.corners.map(i128::from);
         #[expect(clippy::cast_possible_truncation, reason = "lattice points are whole numbers")]

@@ -1,8 +1,9 @@
-//! How far rows of voxels are from a triangle, at least: from its plane, and beyond its edges within that.
+//! Lower bounds of the distance of rows of voxels from a triangle: from its plane, and beyond its edges within the
+//! plane.
 //!
-//! Both parts are at right angles, and each changes evenly along a row. So most triangles that are not the nearest of
-//! a voxel are ruled out by a few products, without finding which part of them is near. Processor seconds of builds,
-//! one thread, in turns with what was before; vertices are placed once there, too, and rows settled only where crossed:
+//! Both parts are at right angles, and each changes evenly along a row. So most triangles that are not the nearest of a
+//! voxel are ruled out by a few products, without finding their nearest part. Processor seconds of builds, one thread,
+//! taken in turns with the version before; here vertices are also placed once, and rows settled only where crossed:
 //!
 //! | mesh at 1024^3 | before | now |
 //! |---|---|---|
@@ -15,13 +16,13 @@ use super::lattice::STEPS;
 use super::nearest::Facet;
 use crate::geom::{cross, dot};
 
-/// Triangles whose area is below this part of what it could be, squared, say nothing: their normals are not known well
-/// enough.
+/// Triangles whose area, squared, is below this part of the largest possible are not used: their normals are too
+/// inexact.
 const SLIVER: f64 = 1e-8;
 
 /// The plane of a triangle, and those through its edges at right angles to it.
 pub(super) struct Prism {
-    /// A corner on each plane's edge, and its normal of length 1; outwards, but for the first.
+    /// A corner on each plane's edge, and its normal of length 1, which points outwards except for the first.
     corners: [[f64; 3]; 2],
     normals: [[f64; 3]; 4],
 }
@@ -69,7 +70,7 @@ impl Prism {
 }
 
 impl Row {
-    /// At most the squared distance of voxel `x`, but for rounding.
+    /// Lower bound of the squared distance of voxel `x`, except for rounding.
     #[inline(always)]
     pub(super) fn at_least(&self, x: f64) -> f64 {
         let larger = |a: f64, b: f64| if a > b { a } else { b };
@@ -94,7 +95,7 @@ mod tests {
         };
         let (mut near, mut all) = (0, 0);
         for round in 0..20_000 {
-            // Small and very large ones, slivers among them, far from the corner of the lattice.
+            // Small and very large triangles, slivers among them, far from the corner of the lattice.
             let size = [5000, 300, 7, 1 << 28][round % 4];
             let mut t: Triangle = std::array::from_fn(|_| next(size) - next(size) / 2 + (1 << 27));
             if round % 16 == 3 {

@@ -1,4 +1,4 @@
-//! Where rows of voxel centres cross triangles, in integers, and the bits that follow.
+//! Crossings of rows of voxel centres with triangles, in integers, and the bits that follow.
 //!
 //! A row runs along x through the centres of its voxels. Centres are moved by (-e, e^2, e^3), e infinitely small, so
 //! that a centre never lies on a triangle nor a row on an edge: of the triangles around an edge exactly those are
@@ -6,7 +6,7 @@
 
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 
-/// How far from a whole number a crossing in f64 must be for its neighbour to be certain: errors are below 2^-33.
+/// Least distance of a crossing in f64 from a whole number at which its neighbour is certain: errors are below 2^-33.
 const SURE: f64 = 1e-6;
 
 /// Calls `cross(row, column, sign)` for every row of slice `z`, of rows `from..to`, that crosses a triangle:
@@ -30,8 +30,8 @@ pub(crate) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut 
         i64::from(first) * i64::from(STEPS) + i64::from(HALF),
         i64::from(z) * i64::from(STEPS) + i64::from(HALF),
     );
-    // Twice the area left of an edge, positive inside; what is added where zero counts as outside; and its step
-    // from row to row.
+    // Twice the area left of an edge, positive inside; the amount added where zero counts as outside; and the step from
+    // row to row.
     let edge = |ay: i64, az: i64, by: i64, bz: i64| {
         let (dy, dz) = (sign * (by - ay), sign * (bz - az));
         let at = dy * (pz - az) - dz * (py - ay);
@@ -81,11 +81,11 @@ pub(crate) struct Crossings {
     /// Columns with a count.
     touched: Vec<u64>,
     bits: Vec<u64>,
-    /// Which rows have counts, and had some before.
+    /// True for rows that have counts, and for rows that had some before.
     used: Vec<(bool, bool)>,
 }
 
-/// Which sums of crossings are inside.
+/// Rule for sums of crossings that are inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rule {
     NonZero,
@@ -93,7 +93,7 @@ pub(crate) enum Rule {
 }
 
 impl Crossings {
-    /// Memory for rows of so many words.
+    /// Memory for `rows` rows of `words` words.
     pub(crate) fn bytes(words: usize, rows: usize) -> u64 {
         (words * rows * (64 * size_of::<i32>() + 16) + 2 * rows) as u64
     }
@@ -132,7 +132,7 @@ impl Crossings {
         let rows = self.touched.chunks_exact_mut(self.words).zip(self.bits.chunks_exact_mut(self.words));
         let rows = rows.zip(self.counts.chunks_exact_mut(64 * self.words)).zip(&mut self.used);
         for (((touched, bits), counts), used) in rows {
-            // Rows that nothing crosses now and crossed before are as they are.
+            // Rows that are crossed neither now nor before stay unchanged.
             let (now, before) = (used.0, used.1);
             *used = (false, now);
             if !now {
@@ -172,7 +172,7 @@ mod tests {
         let scale = 1_i128 << 40;
         let at = |c: i32| i128::from(c) * scale;
         let centre = |c: i32| (i128::from(c) * 4096 + 2048) * scale;
-        // e^2 and e^3, far below what any lattice distance could tell apart.
+        // Stand-ins for e^2 and e^3, far below any difference of lattice distances.
         let (py, pz) = (centre(row) + (1 << 20), centre(z) + 1);
         let p = |k: usize| (at(t[3 * k + 1]), at(t[3 * k + 2]));
         let side = |a: (i128, i128), b: (i128, i128)| (b.0 - a.0) * (pz - a.1) - (b.1 - a.1) * (py - a.0);

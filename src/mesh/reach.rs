@@ -1,4 +1,4 @@
-//! How far the inside reaches, against how far the mesh does: what is thinner than a voxel may vanish.
+//! Extent of the inside, compared with the mesh's: parts thinner than a voxel may vanish.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -10,10 +10,10 @@ pub(super) type Ranges = [[i32; 2]; 3];
 
 const NONE: Ranges = [[i32::MAX, i32::MIN]; 3];
 
-/// Fewest voxels by which a model is short of its mesh to be reported: tips of cones lose as much.
+/// Least shortfall of a model from its mesh, in voxels, that is reported: tips of cones lose as much.
 const FEWEST: u32 = 3;
 
-/// What workers find together.
+/// Common findings of workers.
 #[derive(Debug)]
 pub(super) struct Reach {
     /// Centres of voxels within the bounds of the mesh, if these are known.
@@ -69,7 +69,7 @@ impl Reach {
         }
     }
 
-    /// Voxels by which the model is short of the mesh on some side, if that is worth a note.
+    /// Voxels by which the model is short of the mesh on some side, if enough for a note.
     pub(super) fn short(&self) -> Option<u64> {
         let wanted = self.wanted.get()?;
         let found =

@@ -13,7 +13,7 @@ use crate::volume::SourceError;
 /// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Location`].
 pub(super) type Item = [i32; 7];
 
-/// Where an item belongs.
+/// Location of an item.
 #[derive(Clone, Copy, Debug)]
 struct Location {
     /// Slices between whose centres it lies, from the first of the run.
@@ -42,7 +42,7 @@ impl Location {
         i32::from(self.first) - reach <= z && i32::from(self.last) + reach >= z
     }
 
-    /// Its slot, of so many bricks.
+    /// Its slot, with this number of bricks.
     #[inline]
     fn slot(self, bricks: usize) -> usize {
         let group = usize::from(self.group & !AGAIN);
@@ -57,7 +57,7 @@ impl Location {
 
 const ELSEWHERE: i32 = i32::MAX;
 const AGAIN: u16 = 1 << 15;
-/// Slices before and after the run of which more need not be known.
+/// Slices before and after the run to which numbers of slices are clamped.
 const FAR: i32 = 100;
 /// Triangles of at most two slices stand by their first one, from three before the run on, and behind the others.
 const BEFORE: i32 = 3;
@@ -69,34 +69,34 @@ const MAX_PLACES: usize = 4;
 
 /// Triangles of a run of slices, as many as there is room for.
 pub(super) struct Resident {
-    /// Those of bricks from the front on, and longer triangles, in two places each, from the end on.
+    /// Triangles of bricks from the front on, and longer triangles, in two places each, from the end on.
     items: Vec<Item>,
     count: usize,
     long: usize,
     base: i32,
     x0: i32,
     bricks: usize,
-    /// Bricks whose triangles are taken; those of a whole tile are what rows cross, too.
+    /// Bricks whose triangles are taken; a whole tile's also serve for the crossings of rows.
     taken: Range<usize>,
     /// First item of every slot of every group, and one more.
     starts: Vec<u32>,
     next: Vec<u32>,
-    /// So many of the triangles near to many bricks, the first ones, are near to the current slice.
+    /// Number of the triangles near to many bricks, from the first on, that are near to the current slice.
     wide: usize,
 }
 
-/// Slots of so many bricks, and of those that are near to many bricks and to none.
+/// Number of slots for these bricks, and for triangles near to many bricks and to none.
 fn slots(bricks: usize) -> usize {
     (bricks + 2) * SLOTS + 1
 }
 
 impl Resident {
-    /// Memory of one with so many places.
+    /// Memory of one with `places` places.
     pub(super) fn bytes(places: usize, bricks: usize) -> u64 {
         (places * size_of::<Item>() + 2 * slots(bricks) * size_of::<u32>()) as u64
     }
 
-    /// Places that so many bytes have room for, without the lists of the bricks.
+    /// Number of places in these bytes, without the lists of the bricks.
     pub(super) fn fit(bytes: u64) -> usize {
         usize::try_from(bytes / size_of::<Item>() as u64).unwrap_or(usize::MAX)
     }
@@ -136,13 +136,13 @@ impl Resident {
         self.items.len().saturating_sub(MAX_PLACES)
     }
 
-    /// Bricks along x that there are.
+    /// Number of bricks along x.
     pub(super) fn bricks(&self) -> usize {
         self.bricks
     }
 
-    /// Takes the triangles of a bin, that of a row and a slice, that are near to `slices` and to the bricks `taken` from
-    /// column `x0` on, in place of those before; `false` where they do not fit.
+    /// Takes the triangles of a bin, given by a row and a slice, that are near to `slices` and to the bricks `taken`
+    /// from column `x0` on, in place of earlier ones; `false` where they do not fit.
     pub(super) fn load(
         &mut self,
         bins: &Bins,
@@ -161,7 +161,7 @@ impl Resident {
         Ok(fits)
     }
 
-    /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
+    /// Takes the triangles that bear upon slices `first..end`; `false` where there is no room.
     fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
         let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
         held(block).all(|t| {
@@ -283,12 +283,12 @@ impl Resident {
         self.around(slice, 0, each);
     }
 
-    /// Calls `each` with the triangles within so many slices of one, those near to no brick that is taken among them.
+    /// Calls `each` with the triangles within `reach` slices of one, also those near to no brick that is taken.
     #[inline]
     pub(super) fn around(&self, slice: i32, reach: i32, each: &mut impl FnMut(&BinTriangle<'_>)) {
         let z = slice - self.base;
         for group in 0..self.bricks + 2 {
-            // One of two slices begins one before its end.
+            // A triangle that spans two slices' centres begins one slice before its end.
             let (run, tall) = (self.run(group, z - reach - 1, z + reach), self.tall(group));
             for item in self.items(run).iter().chain(self.items(tall)) {
                 let place = Location::of(item);
@@ -299,7 +299,7 @@ impl Resident {
         }
     }
 
-    /// Makes ready for [`Resident::near`] of a slice.
+    /// Prepares [`Resident::near`] for a slice.
     pub(super) fn gather(&mut self, slice: i32, reach: i32) {
         let z = slice - self.base;
         let slot = self.bricks * SLOTS + TALL;
@@ -326,8 +326,8 @@ impl Resident {
         let z = slice - self.base;
         let wide = self.tall(self.bricks);
         let wide = wide.start..wide.start + self.wide as u32;
-        // One of two slices begins one before its end, one between two centres behind it. What is done with each
-        // stands once, so that it becomes part of this loop and of its instructions.
+        // A triangle that spans the centres of two slices begins one before its end, one between two centres behind it.
+        // The call of `each` is written once, so that it is inlined into this loop with its instructions.
         for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick), wide] {
             for (number, item) in numbers.clone().zip(self.items(numbers)) {
                 if Location::of(item).is_near(z, reach) {
@@ -423,7 +423,7 @@ mod tests {
                 }
             }
         }
-        // Without room it says so.
+        // Lack of room is reported.
         let mut small = Resident::new(100, 4);
         small.clear(0, 0, 0..4);
         assert!(!small.take(&block, 0, 32));

@@ -6,10 +6,10 @@
 //!   slice z     skin voxels seek their nearest triangle within a voxel, then within two
 //! ```
 //!
-//! Slices are as many as have room. Where the triangles of one slice alone have none, its rows cross what is read
-//! block by block, and its voxels are described by as many bricks at a time as have room; a brick that has none reads
-//! its blocks, too. So two workers, each with room for some thousand triangles, read bins a few times instead of once
-//! for every brick and slice.
+//! As many slices are loaded as fit. Where the triangles of one slice alone do not fit, its rows cross blocks as they
+//! are read, and its voxels are described by as many bricks at a time as fit; a brick that does not fit reads its
+//! blocks, too. So two workers, each with room for some thousand triangles, read bins a few times instead of once for
+//! every brick and slice.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -48,8 +48,8 @@ const BRICK: usize = 32;
 const ROWS: usize = BRICK + 2;
 /// A voxel's edge, squared, in lattice steps, with room for the rounding of distances.
 const VOXEL_SQUARED: f64 = 16_777_217.0;
-/// How far the nearest triangle is sought, and that squared: one voxel, two where the thick skin has voxels that
-/// touch the outside with a corner only.
+/// Distance within which the nearest triangle is sought, and its square: one voxel, two where the thick skin has voxels
+/// that touch the outside with a corner only.
 const REACHES: [(i32, f64); 2] = [(STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXEL_SQUARED)];
 /// The source of its normals, for the model.
 const ESTIMATOR: &str = "nearest triangle";
@@ -60,15 +60,15 @@ pub(crate) struct MeshSolid {
     pub(super) grid: Grid,
     pub(super) bins: Bins,
     pub(super) rule: Rule,
-    /// Is every row outside again after its last crossing?
+    /// True if every row is outside again after its last crossing.
     pub(super) closed: bool,
-    /// Were its open edges closed by caps?
+    /// True if open edges were closed by caps.
     pub(super) open: bool,
     /// Triangles that a worker has room for.
     pub(super) resident: usize,
-    /// How far the inside reaches.
+    /// Extent of the inside.
     pub(super) reach: Arc<Reach>,
-    /// The files, and what they were before they were read.
+    /// The files, and their identities before they were read.
     pub(super) inputs: Vec<(PathBuf, u64)>,
     /// Colours, parts and smooth normals, if there are any.
     pub(super) wanted: Option<PaintChannels>,
@@ -126,7 +126,7 @@ impl Solid for MeshSolid {
         self.inputs.iter().for_each(|(path, _)| each(path));
     }
 
-    /// Files are gone through several times, and what one pass found is taken for true in the next.
+    /// Fails if a file has changed: each pass relies on the findings of the one before.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
             Some((path, _)) => Err(Fault::changed().at(path).into()),
@@ -155,8 +155,8 @@ impl Solid for MeshSolid {
 pub(crate) struct MeshWorker<'a> {
     solid: &'a MeshSolid,
     column: VoxelBox,
-    /// Slices and bricks whose skin the loaded triangles describe; fewer bricks than the tile has
-    /// are those of one slice, and none where not even a brick's triangles have room.
+    /// Slices and bricks whose skin the loaded triangles describe; fewer bricks than the tile has belong to a single
+    /// slice, and none are described where not even a brick's triangles fit.
     run: (i32, i32),
     bricks: Range<usize>,
     /// Counts of the current bin, if not all of it has room.
@@ -288,8 +288,7 @@ impl MeshWorker<'_> {
         Ok(())
     }
 
-    /// Loads the triangles of a brick's slice, and those of as many bricks behind it as have room; `false`
-    /// if its own have none.
+    /// Loads the triangles of a brick's slice, and of as many bricks behind it as fit; `false` if its own do not.
     fn seek_brick(&mut self, z: i32, brick: usize) -> Result<bool, SourceError> {
         self.seek(z)?;
         if self.bricks.contains(&brick) {
@@ -354,9 +353,9 @@ impl MeshWorker<'_> {
     }
 }
 
-/// Places that the slices of a bin need: how many of them have room follows.
+/// Places that the slices of a bin need, from which the number of slices that fit follows.
 struct Needs {
-    /// Row and slab.
+    /// Row and slab of the bin.
     bin: (u32, i32),
     /// Places of triangles that are needed from a slice on, and those that no slice from it on needs.
     begin: [u32; BRICK],
@@ -447,7 +446,7 @@ impl SliceSearch<'_> {
         offer_triangle(&t.triangle(), self.corner, self.wanted, self.reach, self.nearest);
     }
 
-    /// Offers what still waits.
+    /// Offers the triangles that still wait.
     #[inline(never)]
     fn finish<'r>(&mut self, record: impl Fn(u32) -> &'r Record) {
         let [x, y, z] = self.corner;
@@ -456,7 +455,7 @@ impl SliceSearch<'_> {
     }
 }
 
-/// Offers a triangle to those of the wanted voxels of a brick's slice that it may be near to.
+/// Offers a triangle to the wanted voxels of a brick's slice that it may be near to.
 #[inline(always)]
 fn offer_triangle(
     t: &Triangle,
@@ -604,7 +603,7 @@ fn each_bit(row: u32, mut act: impl FnMut(usize)) {
     }
 }
 
-/// The mean direction of the faces of a voxel that look outside, where no triangle is near.
+/// The mean direction of the faces of a voxel that look outside, for voxels without a near triangle.
 pub(crate) fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
     let at = |face: usize| (exposed.faces[face] >> x & 1) as f32;
     let sum = [at(1) - at(0), at(3) - at(2), at(5) - at(4)];

@@ -1,4 +1,4 @@
-//! The sections of a model as they stand in a page: differences of items by `deflate`, in base64.
+//! The sections of a model in the form of a page: differences of items by `deflate`, in base64.
 
 use std::io::{self, Write};
 use std::rc::Rc;
@@ -13,13 +13,13 @@ use crate::format::cell::CORNERS;
 use crate::format::{Channel, Label, LabelItems, SectionKind, WALL_BYTES};
 use crate::load::{Model, NodeView};
 
-/// Bytes that become text at a time, a multiple of three: an element of the page, since short ones are let go sooner.
+/// Bytes that become one element of text, a multiple of three; short elements are freed sooner.
 const BLOCK: usize = 48 << 10;
 
 const OPEN: &[u8] = b"<script type=\"text/plain\" data-part>";
 const CLOSE: &[u8] = b"</script>\n";
 
-/// Sections that a page has; directories are counted again there, and coarse levels not drawn.
+/// Sections that a page has; the page recomputes directories, and does not draw coarse levels.
 const KINDS: [SectionKind; 10] = [
     SectionKind::Nodes,
     SectionKind::Voxels(Channel::Normal),
@@ -37,31 +37,31 @@ const KINDS: [SectionKind; 10] = [
 #[derive(Serialize)]
 pub(super) struct Section {
     kind: String,
-    /// Bytes in the model, and as they are stored.
+    /// Bytes in the model, and in the stored form.
     bytes: u64,
     stored: u64,
-    /// Bytes of an item, which are stored one after the other for all items, each less the one before; 0 for bytes as
-    /// they are.
+    /// Bytes of an item; each is stored for all items in turn, as a difference to the item before; 0 for unchanged
+    /// bytes.
     planes: u8,
 }
 
-/// Most labels of a page: a label is a byte there, its place in the table from 1 on; 0 is none.
+/// Most labels of a page: a label is a byte there, its index in the table from 1 on; 0 is none.
 pub(crate) const MAX_LABELS: usize = 255;
 
-/// Bytes of the item of a cell that one plane does not part, as the page has it, a texel: the labels of its corners, the
-/// offsets of both planes, the second one's normal, and zeros.
+/// Bytes of the item of a cell that one plane does not part, in the page's form, a texel: the labels of its corners,
+/// the offsets of both planes, the second one's normal, and zeros.
 const ITEM_BYTES: usize = 16;
 
 /// The bytes of a section as a page holds them, plane by plane.
 struct Content<'a> {
-    /// Bytes in all, and of an item; 0 for bytes as they are, in one plane.
+    /// Bytes in total, and of an item; 0 for unchanged bytes, in one plane.
     bytes: u64,
     planes: u8,
     plane: Box<dyn Fn(usize) -> Box<dyn Iterator<Item = u8> + 'a> + 'a>,
 }
 
 impl<'a> Content<'a> {
-    /// Items as they lie in the file.
+    /// Items as in the file.
     fn plain(bytes: &'a [u8], planes: u8) -> Self {
         let step = usize::from(planes.max(1));
         let plane = move |plane| -> Box<dyn Iterator<Item = u8>> {
@@ -98,7 +98,7 @@ impl<'a> Content<'a> {
     }
 }
 
-/// The places of labels in the table, from 1 on.
+/// Indices of labels in the table, from 1 on.
 #[derive(Clone)]
 struct Places(Rc<[u16]>);
 
@@ -107,7 +107,7 @@ impl Places {
         Self(table.iter().map(|label| label.number).collect())
     }
 
-    /// 0 for none.
+    /// Index of a label; 0 for none.
     fn of(&self, number: u16) -> u8 {
         self.0.binary_search(&number).map_or(0, |at| u8::try_from(at + 1).unwrap_or(0))
     }
@@ -132,7 +132,7 @@ fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Conten
     })
 }
 
-/// Writes the sections of a model, and says where they are.
+/// Writes the sections of a model, and returns their positions.
 pub(super) fn write<D: AsRef<[u8]>>(model: &Model<D>, out: &mut dyn Write) -> io::Result<Vec<Section>> {
     let mut elements = Elements { out, block: Vec::with_capacity(BLOCK), bytes: 0 };
     let mut written = Vec::new();
@@ -171,7 +171,7 @@ pub(super) fn write<D: AsRef<[u8]>>(model: &Model<D>, out: &mut dyn Write) -> io
 /// Bytes as base64 in elements of a page.
 struct Elements<'a> {
     out: &'a mut dyn Write,
-    /// Fewer than [`BLOCK`] bytes that wait.
+    /// Pending bytes, fewer than [`BLOCK`].
     block: Vec<u8>,
     /// Bytes so far.
     bytes: u64,

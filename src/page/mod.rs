@@ -6,10 +6,10 @@
 //!                                 integer textures --trace.glsl--> pictures; picks in doubles
 //! ```
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
-//! | `data` | the sections of a model, as they stand in the page |
-//! | `page.html`, `page.css` | what is seen before, beside and without scripts |
+//! | `data` | the sections of a model, in the form of the page |
+//! | `page.html`, `page.css` | parts shown before, beside and without scripts |
 //! | `load.js`, `model.js` | the model in the browser, and rays through it one at a time; run under node, too |
 //! | `stream.js` | instead of `load.js`: the model of an `.oct` file on the page's own server, by Range requests, coarse first |
 //! | `ask.js` | pictures of `oct view` for browsers that cannot draw the model |
@@ -38,13 +38,13 @@ use data::Section;
 
 pub(crate) use data::MAX_LABELS;
 
-/// Bytes of sections, as they lie in the file, that a page holds at most: pages of 315 MB opened, in 11 s.
+/// Most bytes of sections in a page, as they lie in the file: pages of 315 MB opened, in 11 s.
 pub(crate) const MAX_BYTES: u64 = 400 << 20;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const TRACE: &str = include_str!("trace.glsl");
-/// In the order in which they need each other, with those behind the first that bring the model in.
+/// Scripts in the order of their dependencies; those that load the model follow the first.
 const SCRIPTS: [&str; 4] =
     [include_str!("model.js"), include_str!("camera.js"), include_str!("draw.js"), include_str!("ui.js")];
 const LOAD: &str = include_str!("load.js");
@@ -54,39 +54,39 @@ const STREAM: &str = include_str!("stream.js");
 /// Degrees between the bottom and the top of the page's perspective pictures (`FOV` of camera.js).
 pub(crate) const FOV_DEG: f64 = 30.0;
 
-/// How a page comes to a browser.
+/// Transport of a page to a browser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
-    /// As a file.
+    /// From a file.
     File,
     /// From a server that makes pictures, too.
     Served,
-    /// From such a server, and without the model's sections: all pictures come from there.
+    /// From such a server, and without the model's sections: all pictures come from the server.
     Pictures,
-    /// From any server, where it fetches the model.
+    /// From any server, from which it fetches the model.
     Linked,
 }
 
-/// What a page shows.
+/// Content of a page.
 #[derive(Debug)]
 pub(crate) enum Shown<'a, D> {
     Model(&'a Model<D>, &'a GridSpace),
-    /// A scene, by pictures of a server: the least and greatest corner of what is in it, in LPS mm, and its own view as
-    /// pages write theirs, empty for one from the front.
+    /// A scene, by pictures of a server: its least and greatest corner in LPS mm, and its own view in the form that
+    /// pages write, empty for the front.
     Scene([[f64; 3]; 2], String),
-    /// The model of a file next to a linked page, or the one that is named in the page's address.
+    /// The model of a file next to a linked page, or one named in the page's address.
     Linked(Option<&'a str>),
 }
 
 impl<D: AsRef<[u8]>> Shown<'_, D> {
-    /// Classes of the page, by which its scripts know what to prepare while the model comes in.
+    /// Classes of the page, which tell its scripts what to prepare while the model is loading.
     fn kind(&self, way: Way) -> &'static str {
         let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
         match (way, has_labels) {
             (Way::Pictures, true) => "asks",
             (Way::Pictures, false) => "asks plain",
             (_, true) => "",
-            // What is linked is coarse at first, without labels.
+            // Linked models are coarse at first, without labels.
             (_, false) => "plain",
         }
     }
@@ -109,13 +109,13 @@ struct Head<'a> {
     /// Bytes of a value; physical value = `value_scale[0]` x stored + `value_scale[1]`.
     value_bytes: u8,
     value_scale: [f64; 2],
-    /// Are the axes a patient's?
+    /// True if the axes are a patient's.
     patient: bool,
-    /// The view at the beginning; empty for one from the front.
+    /// The first view; empty for the front.
     start: &'a str,
-    /// May the page ask for pictures?
+    /// True if the page may ask for pictures.
     served: bool,
-    /// The table of labels; those of voxels are places in it.
+    /// The table of labels; labels of voxels are indices into it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     labels: Vec<Part<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -162,13 +162,13 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// Writes a page; `picture` is a PNG of what it shows, which is seen where scripts or WebGL2 are missing, and in print; it
-/// may be empty.
+/// Writes a page; `picture` is a PNG of its content for browsers without scripts or WebGL2, and for print; it may be
+/// empty.
 ///
 /// Memory: some 200 KiB. Cost: `deflate` of all sections but those that are rebuilt, some 30 ns a byte.
 ///
 /// # Errors
-/// Those of `out`.
+/// Errors of `out`.
 pub(crate) fn write<D: AsRef<[u8]>>(
     shown: &Shown<'_, D>,
     title: &str,
@@ -224,13 +224,13 @@ fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Writ
 }
 
 fn write_head(head: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {
-    // The name of a label could end the element.
+    // The name of a label could close the script element.
     let head = serde_json::to_string(head).map_err(io::Error::other)?.replace('<', "\\u003c");
     write!(out, "<script type=\"application/json\" id=\"head\">{head}</script>")
 }
 
 impl<'a> Head<'a> {
-    /// What a model says of itself, without its sections.
+    /// A model's facts, without its sections.
     fn of<D: AsRef<[u8]>>(model: &'a Model<D>, space: &GridSpace) -> Self {
         let (header, meta, view) = (model.header(), model.metadata(), model.view());
         let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
@@ -278,7 +278,7 @@ fn script(way: Way) -> String {
     format!("'use strict';\n{model}{load}{camera}{draw}const SHADER = {trace};\n{ui}")
 }
 
-/// A text without indentation, empty lines, lines of comments, and what is for node alone.
+/// A text without indentation, empty lines, lines of comments, and parts for node alone.
 fn slim(text: &str) -> String {
     let mut slim = String::with_capacity(text.len());
     let mut comment = false;
@@ -295,8 +295,8 @@ fn slim(text: &str) -> String {
     slim
 }
 
-/// Lines without blanks, one after the other where marks part them, since every statement ends with one. Lines of the
-/// preprocessor stay alone, and those with what may be a comment.
+/// Lines without blanks, joined where punctuation separates them, since every statement ends with a semicolon. Lines of
+/// the preprocessor stay alone, and lines that may hold a comment.
 fn joined(text: &str) -> String {
     let mut joined = String::with_capacity(text.len());
     let is_alone = |line: &str| line.starts_with('#') || line.contains("//");
@@ -313,8 +313,8 @@ fn joined(text: &str) -> String {
     joined
 }
 
-/// Lines of a script with shorter words for the same: `let` for constants, and no mark where a block ends after a
-/// statement. A loop without a body does not end a block.
+/// Lines of a script in a shorter form: `let` for constants, and no semicolon where a block ends after a statement. A
+/// loop without a body does not end a block.
 fn shortened(text: &str) -> String {
     let mut short = String::with_capacity(text.len());
     let mut lines = text.lines().peekable();
@@ -330,9 +330,9 @@ fn shortened(text: &str) -> String {
     short
 }
 
-/// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
+/// A line of a script or shader without blanks around punctuation, unless its strings cannot be told for certain.
 fn tight(line: &str) -> String {
-    // Code and strings in turn; a string ends with the mark that it begins with.
+    // Code and strings in turn; a string ends with the quote that it begins with.
     let (mut texts, mut mark) = (vec![String::new()], None);
     for c in line.chars() {
         match mark {

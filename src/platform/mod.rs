@@ -1,14 +1,14 @@
-//! All that depends on the operating system: files read at places, files without a name, what a file is besides
-//! its name, the memory of the process and of the machine.
+//! Everything that depends on the operating system: positional reads of files, files without a name, a file's identity,
+//! the memory of the process and of the machine.
 //!
-//! The rest of the library takes it from here, and a test holds that. So another system is one folder next to
-//! `linux` with the same items. `unix` holds what Linux and macOS share, `portable` what Windows and macOS do.
+//! The rest of the library takes it from here, which a test checks. So another system is one folder next to `linux`
+//! with the same items. `unix` holds items of Linux and macOS, `portable` items of Windows and macOS.
 //!
-//! A file that is read or written at places is not used by its cursor as well: on Windows the system moves that, too. All
-//! readers take a [`PositionalFile`], which has none; who reads or writes onwards takes a [`Placed`] file, which has a place of
-//! its own. (A file that was only written onwards may be read at places afterwards.)
+//! A file that is read or written by position is not used by its cursor as well: on Windows the system moves that, too.
+//! All readers take a [`PositionalFile`], which has no cursor; sequential reads and writes take a [`Placed`] file,
+//! which has a position of its own. (A file that was only written sequentially may be read by position afterwards.)
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `files` | reading and writing at places, names as bytes, unnamed files, links, limits |
 //! | `machine` | processor, memory, other processes |
@@ -43,8 +43,8 @@ use std::fs::{File, Metadata};
 use std::io::{self, IoSliceMut};
 use std::path::Path;
 
-/// True for a name that stands for a device on Windows, in every folder and with every suffix: no file is given it on any
-/// system.
+/// True for a name that stands for a device on Windows, in every folder and with every suffix: no file gets such a name
+/// on any system.
 pub(crate) fn is_device_name(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
     let port = ["COM", "LPT"].iter().find_map(|kind| stem.strip_prefix(kind));
@@ -54,7 +54,7 @@ pub(crate) fn is_device_name(name: &str) -> bool {
         })
 }
 
-/// A file that is read and written at places alone: no cursor of it can be used.
+/// A file that is read and written by position only, without a cursor.
 #[derive(Debug)]
 pub(crate) struct PositionalFile(File);
 
@@ -68,7 +68,7 @@ impl PositionalFile {
     /// Opens a regular file; a folder, a pipe and a device are refused.
     ///
     /// # Errors
-    /// It is not one ([`is_not_regular`]), or the system refused.
+    /// The file is not regular ([`is_not_regular`]), or the system refused.
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
         open_file(path).map(Self)
     }
@@ -78,7 +78,7 @@ impl PositionalFile {
         self.0.metadata()
     }
 
-    /// Its bytes from a place onwards.
+    /// Its bytes from a position on, for sequential reads.
     pub(crate) fn onwards(&self, at: u64) -> Placed<'_> {
         Placed::new(&self.0, at)
     }
@@ -111,7 +111,7 @@ impl PositionalFile {
     }
 }
 
-/// A file that is read or written onwards from one place, whatever its cursor is.
+/// A file that is read or written sequentially from a position on, whatever its cursor is.
 #[derive(Debug)]
 pub(crate) struct Placed<'a> {
     file: &'a File,
@@ -119,7 +119,7 @@ pub(crate) struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    /// A file whose next byte is that at `at`.
+    /// A file whose next byte is at `at`.
     pub(crate) fn new(file: &'a File, at: u64) -> Self {
         Self { file, at }
     }

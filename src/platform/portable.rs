@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::FileExt as _;
 
-/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+/// Always refuses: no file is without a name ([`io::ErrorKind::Unsupported`]).
 ///
 /// # Errors
 /// Always.
@@ -14,7 +14,7 @@ pub(crate) fn unnamed_file(_: &Path) -> io::Result<File> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+/// Always refuses: no file is without a name ([`io::ErrorKind::Unsupported`]).
 ///
 /// # Errors
 /// Always.
@@ -38,5 +38,5 @@ pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64)
     Ok(all)
 }
 
-/// Nothing to do: pages come as they are asked for.
+/// No-op: pages are mapped one by one.
 pub(crate) fn part_mapping(_: &memmap2::Mmap) {}

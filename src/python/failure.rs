@@ -23,7 +23,7 @@ pub(super) fn raised(py: Python<'_>, error: &Error) -> PyErr {
     exception(py, error.kind(), &error.to_string(), errno(error), path, minimum_bytes)
 }
 
-/// The number of the system's refusal, if that is at the bottom of it.
+/// The system's error number, if that is the root cause.
 fn errno(error: &Error) -> Option<i32> {
     let of = |cause: &(dyn std::error::Error + 'static)| {
         cause.downcast_ref::<io::Error>().and_then(io::Error::raw_os_error)
@@ -45,7 +45,7 @@ fn errno(error: &Error) -> Option<i32> {
     None
 }
 
-/// What the caller asked for makes no sense.
+/// The exception of invalid arguments.
 pub(super) fn usage(py: Python<'_>, sentence: &str) -> PyErr {
     exception(py, ExitKind::Usage, sentence, None, None, None)
 }

@@ -1,4 +1,4 @@
-//! An open model: what `infobyte.Model` calls.
+//! An open model: the calls of `infobyte.Model`.
 
 use std::io::{self, Read};
 use std::ops::Range;
@@ -33,12 +33,12 @@ use crate::text::data;
 /// The bytes of a model.
 #[derive(Debug)]
 enum Store {
-    /// With its file, kept open so that a change of its bytes can be noticed.
+    /// A mapping with its file, which is kept open so that a change of its bytes can be noticed.
     Mapped(Mapping, PositionalFile, FileIdentity),
     Read(Vec<u8>),
 }
 
-/// Shared by the model and what looks after its file.
+/// Bytes shared by the model and the watch over its file.
 #[derive(Clone, Debug)]
 struct Bytes(Arc<Store>);
 
@@ -82,8 +82,8 @@ impl Handle {
         Ok(Self { path, bytes, model })
     }
 
-    /// Does something short with the model without the interpreter's lock: an exception if its file was changed before or
-    /// meanwhile, when the model is neither the one nor the other.
+    /// Runs a short job on the model without the interpreter's lock; raises an exception if its file was changed before
+    /// or meanwhile, when the bytes may be a mixture of two models.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -92,7 +92,7 @@ impl Handle {
         py.detach(|| self.unchanged(|| job(&self.model))).map_err(|error| raised(py, &error))
     }
 
-    /// [`Handle::with`] for so many rays or points: where these take long, signals stop it.
+    /// [`Handle::with`] for so many rays or points: a long job can be stopped by signals.
     fn each<T: Send>(
         &self,
         py: Python<'_>,
@@ -117,8 +117,8 @@ impl Handle {
         watched(py, progress, |progress| self.unchanged(|| framed(&self.model, &outputs, &request, progress)))
     }
 
-    /// Does something with the model, whose file is the same before and after. Bytes that change meanwhile may be what no
-    /// model has, and a job may then end in a panic: that is an error of the file, too.
+    /// Runs a job on the model, whose file is checked before and after. Bytes that change meanwhile may be those of no
+    /// valid model, and the job may then panic: this is an error of the file, too.
     fn unchanged<T>(&self, job: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
         check(&self.bytes.0, &self.path)?;
         let made = catch_unwind(AssertUnwindSafe(job));
@@ -141,7 +141,7 @@ fn check(store: &Store, path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Numbers one after the other as triples.
+/// A flat array of numbers as triples.
 fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [[f64; 3]]> {
     match array.as_slice()?.as_chunks::<3>() {
         (triples, []) => Ok(triples),
@@ -262,7 +262,7 @@ impl Handle {
         Ok(PyBytes::new(py, &png))
     }
 
-    /// What lies behind each pixel: depth, position, normal, voxel.
+    /// The surface at each pixel: depth, position, normal, voxel.
     fn cast<'py>(&self, py: Python<'py>, asked: &str) -> PyResult<Arrays<'py>> {
         let asked: PictureAsked = read(py, asked)?;
         let request = asked.request().map_err(|sentence| usage(py, &sentence))?;

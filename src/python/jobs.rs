@@ -36,7 +36,7 @@ fn json(py: Python<'_>, report: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(report).map_err(|error| usage(py, &error.to_string()))
 }
 
-/// Builds what lies at some paths.
+/// Builds the inputs at some paths.
 #[pyfunction]
 #[pyo3(signature = (paths, output, asked, progress))]
 pub(super) fn build_files(
@@ -63,7 +63,7 @@ pub(super) fn build_files(
     json(py, &summary.json())
 }
 
-/// Warns of samples that are not numbers or infinite.
+/// Warns of samples that are NaN or infinite.
 fn warn(py: Python<'_>, summary: &BuildSummary) -> PyResult<()> {
     let is_of_samples = |note: &&BuildNote| matches!(note, BuildNote::NotNumbers | BuildNote::Infinite);
     for note in summary.report.notes.iter().filter(is_of_samples) {
@@ -105,7 +105,7 @@ pub(super) fn build_array(
     build_volume(py, &mut view.placed(affine).rescaled(rescale), &output, &asked, progress)
 }
 
-/// Builds samples in a file, one after the other from a byte on.
+/// Builds samples in a file, contiguous from a byte on.
 #[pyfunction]
 #[pyo3(signature = (stored, of, output, asked, progress))]
 pub(super) fn build_stored(
@@ -234,7 +234,7 @@ struct ThicknessAsked {
     threads: usize,
 }
 
-/// Measures how thick a model is; the report as JSON.
+/// Measures the thickness of a model; the report as JSON.
 #[pyfunction]
 #[pyo3(signature = (path, output, csv, asked, progress))]
 pub(super) fn thickness(
@@ -317,7 +317,7 @@ pub(super) fn export(
     json(py, &report)
 }
 
-/// Makes the picture of a scene into a PNG.
+/// Renders a scene to a PNG.
 #[pyfunction]
 #[pyo3(signature = (path, output, size, threads, progress))]
 pub(super) fn render_scene(

@@ -1,7 +1,7 @@
 //! The module `infobyte._infobyte` of the Python package: thin calls, whose defaults, names and documentation are in
 //! Python, next to this file.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `failure` | errors of the library as exceptions |
 //! | `watch` | a job on a thread of its own, while the caller's looks at signals and calls `progress` |
@@ -24,7 +24,7 @@ use pyo3::prelude::*;
 
 use crate::text::spell;
 
-/// Names of options and functions of the Python package that are not those of the library.
+/// Names of options and functions of the Python package that differ from the library's.
 const OTHERWISE: [(&str, &str); 16] = [
     ("GridChoice::Voxel", "voxel"),
     ("Threshold::Iso", "iso"),

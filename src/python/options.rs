@@ -29,10 +29,10 @@ pub(super) fn size(py: Python<'_>, text: &str) -> PyResult<u64> {
     parse_size(text).map_err(|sentence| usage(py, &sentence))
 }
 
-/// Reads options; a sentence on what is wrong in them.
+/// Reads options; the error is a sentence on the fault.
 pub(super) fn read<'a, T: Deserialize<'a>>(py: Python<'_>, json: &'a str) -> PyResult<T> {
     serde_json::from_str(json).map_err(|error| {
-        // Where that is in the text is of no use to those who did not write it.
+        // The position in the text is useless to users, who did not write it.
         let said = error.to_string();
         usage(py, &format!("an option is wrong: {}", said.split(" at line ").next().unwrap_or(&said)))
     })
@@ -68,7 +68,7 @@ struct RawAsked {
     skip: u64,
 }
 
-/// Reads options; an error names the one that is wrong.
+/// Reads options; an error names the faulty one.
 fn parsed<T: DeserializeOwned>(options: &Named) -> Result<T, String> {
     for (name, value) in options {
         let alone = Named::from_iter([(name.clone(), value.clone())]);
@@ -89,7 +89,7 @@ fn choice<T>(what: &str, name: &str, all: impl IntoIterator<Item = (String, T)>)
 }
 
 impl BuildAsked {
-    /// Where models of each label go, if they are wanted; like that of all labels they replace what is there.
+    /// Folder of models of each label, if they are wanted; as the model of all labels, they replace existing files.
     pub(super) fn each(&self) -> Option<EachLabel<'_>> {
         self.each.as_ref().map(|folder| EachLabel { folder, replace: true, keep_whole: true })
     }
@@ -140,7 +140,7 @@ impl BuildAsked {
         Ok(how)
     }
 
-    /// The place of an array, and its physical values.
+    /// The affine of an array, and the rescaling to its physical values.
     pub(super) fn place(&self) -> (Affine, Rescale) {
         let affine = self.affine.map_or(Affine::from_spacing([1.0; 3]), |rows| Affine { rows });
         let rescale = |[slope, intercept]: [f64; 2]| Rescale { slope, intercept };
@@ -148,7 +148,7 @@ impl BuildAsked {
     }
 }
 
-/// What picture is asked for.
+/// Options of a picture.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PictureAsked {
@@ -162,7 +162,7 @@ pub(super) struct PictureAsked {
     fov: Option<f64>,
     zoom: f64,
     color: Option<[u8; 3]>,
-    /// The model's own light without one.
+    /// Name of the light; the model's own if missing.
     shading: Option<String>,
     colors: Option<String>,
     range: Option<[f64; 2]>,
@@ -272,7 +272,7 @@ impl PictureAsked {
         })
     }
 
-    /// Which labels are seen, later rules before earlier ones.
+    /// Visibility of labels; later rules override earlier ones.
     fn labels(&self) -> Result<Vec<LabelRule>, String> {
         let rule = |text: &String, opacity| Ok(LabelRule { labels: text.parse()?, opacity });
         let none = self.only.iter().map(|_| Ok(LabelRule { labels: LabelPick::All, opacity: 0.0 }));

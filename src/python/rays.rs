@@ -10,7 +10,8 @@ use crate::progress::Progress;
 use crate::render::picture::pool;
 use crate::render::{Layout, RayCaster, RenderError, RenderFault};
 
-/// Rays that a thread takes at a time, about: parts are whole tiles. Fewer are not worth a thread, or being stopped.
+/// Approximate number of rays that a thread takes at a time, rounded to whole tiles. A thread, or a check for a stop,
+/// does not pay for fewer.
 pub(super) const PART: usize = 1 << 14;
 
 /// Arrays of hits with an item, or three, for each ray.
@@ -22,17 +23,17 @@ pub(super) struct Found {
     pub(super) voxel: Vec<i64>,
 }
 
-/// Makes rays, or gives those that there are.
+/// Source of rays, made on demand or given.
 pub(super) trait Rays: Sync {
-    /// Their number.
+    /// Number of rays.
     fn count(&self) -> usize;
-    /// How they stand.
+    /// Arrangement of the rays.
     fn layout(&self) -> Layout;
-    /// Origins and directions of a part of them, perhaps in `room`.
+    /// Origins and directions of a part of them; `room` may hold them.
     fn of<'a>(&'a self, part: Range<usize>, room: &'a mut Room) -> (&'a [[f64; 3]], &'a [[f64; 3]]);
 }
 
-/// Rays as they are given: origins and directions.
+/// Given rays: origins and directions.
 pub(super) struct Given<'a>(pub(super) &'a [[f64; 3]], pub(super) &'a [[f64; 3]]);
 
 impl Rays for Given<'_> {
@@ -49,14 +50,14 @@ impl Rays for Given<'_> {
     }
 }
 
-/// The rays of a part, to be used again for the next one.
+/// Buffer for the rays of a part, reused for the next one.
 #[derive(Default)]
 pub(super) struct Room {
     pub(super) origins: Vec<[f64; 3]>,
     pub(super) directions: Vec<[f64; 3]>,
 }
 
-/// The number of a wrong ray is that in its part.
+/// The error of a part, with the faulty ray's number counted from the first ray of all.
 fn from_start(mut error: RenderError, first: usize) -> RenderError {
     if let RenderFault::RayAt { index, .. } = error.fault_mut() {
         *index += first;
@@ -67,13 +68,13 @@ fn from_start(mut error: RenderError, first: usize) -> RenderError {
 /// An array in parts of whole tiles.
 fn cut<T>(items: &mut [T], [part, least]: [usize; 2]) -> Vec<&mut [T]> {
     let rest = items.len() % part;
-    // A rest that is too short for a tile belongs to the part before.
+    // A remainder that is too short for a tile belongs to the part before.
     let even = items.len() - if rest < least && items.len() > part { part + rest } else { rest };
     let (even, last) = items.split_at_mut(even);
     even.chunks_mut(part).chain((!last.is_empty()).then_some(last)).collect()
 }
 
-/// Runs `each` on every part, which it gets with the number of its first ray; the error of the first part that has one, or
+/// Runs `each` on every part, with the number of its first ray; returns the error of the first part that has one, or
 /// [`Error::Stopped`].
 fn in_parts<T: Send>(
     parts: Vec<T>,
@@ -101,7 +102,7 @@ fn in_parts<T: Send>(
     wrong.map_or_else(|| progress.check().map_err(|_| Error::Stopped), |(_, error)| Err(error.into()))
 }
 
-/// First hits of rays; `means` are the threads, and the watcher that may stop them.
+/// First hits of rays; `means` are the number of threads, and the watcher that may stop them.
 pub(super) fn first_hits<P, D>(
     caster: &RayCaster<P>,
     rays: &impl Rays,
@@ -134,7 +135,7 @@ where
     Ok(found)
 }
 
-/// Does each ray meet anything?
+/// True for each ray that meets anything.
 pub(super) fn any_hit<P, D>(
     caster: &RayCaster<P>,
     rays: &impl Rays,

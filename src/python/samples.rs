@@ -10,8 +10,8 @@ use crate::volume::{
     self, Rescale, ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource, check_request, read_block,
 };
 
-/// Samples one after the other in a file, x fastest, in the machine's byte order: read by position, so that they do not
-/// count as memory of the process, as those of a mapping do.
+/// Contiguous samples in a file, x fastest, in the machine's byte order: read by position, as pages of a mapping would
+/// count as memory of the process.
 #[derive(Debug)]
 pub(super) struct StoredSamples {
     info: VolumeInfo,

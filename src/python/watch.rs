@@ -12,15 +12,15 @@ use super::failure::raised;
 use crate::error::Error;
 use crate::progress::Progress;
 
-/// How often signals are looked at, and `progress` is called.
+/// Interval between looks at signals and calls of `progress`.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How far a job is, and whether it shall end.
+/// Progress of a job, and the request to stop it.
 struct State {
     stage: Mutex<(&'static str, u64)>,
     done: AtomicU64,
     stopped: AtomicBool,
-    /// Wakes the caller's thread: a stage begins, or `true`: the job has ended.
+    /// Wakes the caller's thread: `false` when a stage begins, `true` when the job has ended.
     wake: Sender<bool>,
 }
 
@@ -69,7 +69,7 @@ pub(super) fn watched<T: Send>(
         let mut told = ("", 0, 0);
         loop {
             let wait = || woken.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK);
-            // A job that panicked ends without a word.
+            // A job that panicked ends without a message.
             if py.detach(wait) == Ok(true) || worker.is_finished() {
                 break;
             }

@@ -1,14 +1,15 @@
-//! Ambient occlusion: how much of the sky above a surface the model leaves open.
+//! Ambient occlusion: the part of the sky above a surface that the model leaves open.
 //!
-//! From each point that is seen, rays go out over the hemisphere above it, more of them upwards as a matte surface is lit
-//! (by the cosine); the part of them that meets nothing is the point's openness. Hollows turn dark, ridges stay bright.
+//! From each visible point, rays go out over the hemisphere above it, more of them upwards as a matte surface is lit
+//! (by the cosine); the share of them without a hit is the point's openness. Hollows turn dark, ridges stay bright.
 //!
 //! A ray starts where it leaves the boxes around the one that was hit (`leave`).
 //!
-//! Directions are a spiral by the golden angle. Points in mirrors have it turned in sixteen ways over four by four pixels. Points
-//! that are seen straight on share one spiral out over eight by eight, so that few rays a pixel do, one or four: `soften` takes the mean over the
-//! pixels around. Shared out over four by four, each direction's shadow would have an edge that is seen. Directions depend on the pixel alone. All of it is additions, products, quotients and roots in one order, the same on every machine. Cost: 0.3 microseconds
-//! a ray, those of a pixel in one batch.
+//! Directions are a spiral by the golden angle. Points in mirrors have it turned in sixteen ways over four by four
+//! pixels. Directly visible points share one spiral out over eight by eight pixels, so that few rays a pixel do, one or
+//! four: `soften` takes the mean over the pixels around. Shared out over four by four, each direction's shadow would
+//! have a visible edge. Directions depend on the pixel alone. All arithmetic is sums, products, quotients and roots in
+//! one order, the same on every machine. Cost: 0.3 microseconds a ray, with the rays of a pixel in one batch.
 
 use super::batch::Batch;
 use super::cells::Cells;
@@ -25,7 +26,7 @@ use crate::load::ModelView;
 /// Most rays of a pixel.
 pub(crate) const MAX_RAYS: u32 = 1024;
 
-/// Rays between two looks at the process's memory.
+/// Rays between two checks of the process's memory.
 const STEP_RAYS: usize = 64;
 
 /// Cosine and sine of the golden angle.
@@ -34,28 +35,28 @@ const GOLDEN: [f64; 2] = [-0.737_368_878_078_319_7, 0.675_490_294_261_523_8];
 /// Cosine and sine of a sixteenth of a turn.
 const TURN: [f64; 2] = [0.923_879_532_511_286_7, 0.382_683_432_365_089_8];
 
-/// Pixels that share no directions, and the order in which they are turned.
+/// Turns of the spiral in four by four pixels, all different, in this order.
 const PIXELS: [usize; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
 
-/// Blocks of four by four pixels that share no directions either, and their order.
+/// Offsets for two by two blocks of four by four pixels, all different, in this order.
 const BLOCKS: [usize; 4] = [0, 2, 3, 1];
-/// Where their directions lie between those of the spiral.
+/// Position of a block's directions between the directions of the spiral.
 const BETWEEN: [usize; 4] = [2, 0, 3, 1];
 
-/// The directions that rays go out to; the axis upwards is the last.
+/// Directions of rays; the axis upwards is the last.
 #[derive(Clone, Debug)]
 pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
-/// The memory of a worker, from tile to tile of one model's picture: bricks that rays looked at are remembered.
+/// Buffers of a worker, from tile to tile of one model's picture: bricks seen by rays are remembered.
 pub(crate) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
     /// The pixel of each ray.
     of: Vec<u8>,
     met: Vec<bool>,
-    /// Rays of each pixel that met something.
+    /// Number of rays with a hit, by pixel.
     closed: [u16; RAYS],
 }
 
@@ -76,17 +77,17 @@ impl Lot {
         self.of.push(pixel.to_le_bytes()[0]);
     }
 
-    /// True if so many rays wait that they are to be traced.
+    /// True if enough rays wait to be traced.
     pub(crate) fn is_full(&self) -> bool {
         self.rays.len() >= STEP_RAYS
     }
 
-    /// Rays of a pixel that met something.
+    /// Number of a pixel's rays with a hit.
     pub(crate) fn closed(&self, pixel: usize) -> u16 {
         self.closed[pixel % RAYS]
     }
 
-    /// Traces the rays that wait.
+    /// Traces the waiting rays.
     pub(crate) fn flush(&mut self, view: &ModelView<'_>, cells: Option<&Cells<'_>>, lod_edge_log2: u32) {
         if self.rays.is_empty() {
             return;
@@ -103,14 +104,14 @@ impl Lot {
     }
 }
 
-/// A point that is seen, where its light comes from.
+/// A visible point with the position that its rays start from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShadedPoint<'a> {
     pub(crate) space: &'a GridSpace,
     pub(crate) hit: &'a Hit,
-    /// In the world.
+    /// Position in the world.
     pub(crate) point: [f64; 3],
-    /// Unit vector of the world, on the side that is seen.
+    /// Unit normal in the world, on the visible side.
     pub(crate) normal: [f64; 3],
 }
 
@@ -119,7 +120,7 @@ fn turned([x, y]: [f64; 2], [cosine, sine]: [f64; 2]) -> [f64; 2] {
 }
 
 impl Sky {
-    /// So many directions, at least one and at most [`MAX_RAYS`].
+    /// A sky of `rays` directions, at least one and at most [`MAX_RAYS`].
     pub(crate) fn new(rays: u32) -> Self {
         let rays = rays.clamp(1, MAX_RAYS);
         let mut first = [1.0, 0.0];
@@ -146,8 +147,8 @@ impl Sky {
         self.turned.get(at % self.turned.len().max(1)).map_or(&[], Vec::as_slice)
     }
 
-    /// So many directions for each of eight by eight pixels. Those of four by four make a spiral, that of the next four by
-    /// four is turned a little and lies between.
+    /// A sky of `rays` directions for each of eight by eight pixels. The directions of four by four pixels make a
+    /// spiral; the spiral of the next four by four is turned a little and lies between.
     pub(crate) fn shared(rays: u32) -> Self {
         let rays = rays.clamp(1, MAX_RAYS) as usize;
         let all = rays * PIXELS.len();
@@ -170,8 +171,8 @@ impl Sky {
 }
 
 impl ShadedPoint<'_> {
-    /// The ray from here into a direction of the world, from where it leaves the boxes around; `None` where that is
-    /// outside the grid.
+    /// The ray from here into a direction of the world, from its exit from the boxes around; `None` if that is outside
+    /// the grid.
     pub(crate) fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
         leave::leaving(self.space, (self.hit, leave::REACH), self.point, direction, 0.0).map(|(ray, _)| ray)
     }
@@ -213,21 +214,21 @@ mod tests {
                 }
             }
         }
-        // One ray of each of four by four pixels: all sides alike, too.
+        // One ray of each of four by four pixels: also evenly spread.
         let shared = Sky::shared(1);
         let mean = |a: usize| (0..16).map(|at| shared.of([at % 4, at / 4])[0][a]).sum::<f64>() / 16.0;
         assert!((mean(2) - 2.0 / 3.0).abs() < 0.01 && mean(0).abs() < 0.06 && mean(1).abs() < 0.06);
-        // And of eight by eight, closer.
+        // The same over eight by eight pixels, with a smaller error.
         let mean = |a: usize| (0..64).map(|at| shared.of([at % 8, at / 8])[0][a]).sum::<f64>() / 64.0;
         assert!((mean(2) - 2.0 / 3.0).abs() < 0.001 && mean(0).abs() < 0.03 && mean(1).abs() < 0.03);
-        // The mean height of directions by the cosine is 2/3, and they have no side that they favour.
+        // The mean height of cosine-weighted directions is 2/3, and all sides are equal.
         let sky = Sky::new(256);
         let mean = |a: usize| sky.of([0, 0]).iter().map(|d| d[a]).sum::<f64>() / 256.0;
         assert!((mean(2) - 2.0 / 3.0).abs() < 0.01 && mean(0).abs() < 0.01 && mean(1).abs() < 0.01);
     }
 
-    /// A million rays out of a ball: none meets the box that it comes from, nor those next to it, nor any that it rises
-    /// from steeply.
+    /// A million rays out of a ball: they never hit the starting box or its neighbours, and, if they rise steeply,
+    /// nothing.
     #[test]
     fn no_ray_of_a_ball_meets_where_it_comes_from() {
         let side = 64_u32;
@@ -245,7 +246,7 @@ mod tests {
         let (space, sky) = (space(side), Sky::new(256));
         let (mut rays, mut met) = (0_u32, 0_u32);
         for at in 0..4096_usize {
-            // From a sphere around it, by the golden spiral, to the middle.
+            // From a point on a sphere around it, by the golden spiral, to the middle.
             let z = 1.0 - (2.0 * at as f64 + 1.0) / 4096.0;
             let [x, y] = (0..at % 977).fold([1.0, 0.0], |v, _| turned(v, GOLDEN));
             let outward = [x * (1.0 - z * z).sqrt(), y * (1.0 - z * z).sqrt(), z];
@@ -263,7 +264,7 @@ mod tests {
                     met += 1;
                     let apart = (0..3).map(|a| other.cell[a].abs_diff(hit.cell[a])).max().unwrap();
                     assert!(apart > REACH, "{hit:?} {other:?}");
-                    // What is met is the stair, by rays that rise little.
+                    // Hits are steps of the staircase, by rays that rise little.
                     assert!(d[2] < 0.45, "{d:?} {hit:?} {other:?}");
                 }
             }

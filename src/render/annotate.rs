@@ -1,4 +1,4 @@
-//! What is written around a picture, in strips of its own: nothing covers the model.
+//! Annotations around a picture, in separate strips that leave the model uncovered.
 //!
 //! ```text
 //! +---------------------------+
@@ -19,47 +19,47 @@ use crate::format::{Quantity, ValueColors};
 use crate::geom::dot;
 use crate::text::{Short, shown};
 
-/// Pixels of a picture's shorter side under which nothing is written.
+/// Shorter side in pixels below which a picture has no annotations.
 const MIN_SIDE: u32 = 64;
 
-/// Letters have so many pixels to an em, and one more for each so many of the picture's height, or of its width twice.
+/// Least pixels of an em, and pixels of the picture's height, or of twice its width, for each further pixel of it.
 const MIN_EM: f64 = 8.0;
 const SIDE_AN_EM: f64 = 80.0;
 
-/// The longest part of a picture's width that the bar takes, and the widest that a legend does.
+/// Greatest share of a picture's width for the scale bar, and for a legend.
 const LONGEST: f64 = 0.25;
 const WIDEST: f64 = 0.35;
 
-/// Ems of the strips' heights, and from one line of a legend to the next.
+/// Heights of the strips, and line height of a legend, in ems.
 const BAR_EMS: f64 = 4.0;
 const TITLE_EMS: f64 = 2.0;
 const LINE_EMS: f64 = 1.5;
 
-/// Height of capitals over that of an em.
+/// Height of capitals in ems.
 const CAPITAL: f64 = 0.729;
 
-/// The letters of the patient's sides: of x, y and z, towards more and towards less.
+/// Letters of the patient's sides: for x, y and z, in the positive and in the negative direction.
 const SIDES: [[&str; 2]; 3] = [["L", "R"], ["P", "A"], ["S", "I"]];
 
-/// Cosine between a face of the cube and the line of sight from which on its letter is written.
+/// Least cosine between a face of the cube and the line of sight for its letter to be written on it.
 const FACING: f64 = 0.35;
 
-/// Cosine between a face and the line of sight up to which its letter stands beside the cube.
+/// Greatest cosine between a face and the line of sight for its letter to be written beside the cube.
 const EDGE_ON: f64 = 0.1;
 
-/// Ems of such a letter, and from the cube to its middle.
+/// Size of such a letter, and distance of its middle from the cube, in ems.
 const BESIDE_EMS: f64 = 0.8;
 const BESIDE_GAP_EMS: f64 = 0.55;
 
 const DARK: [u8; 3] = [32; 3];
 const LIGHT: [u8; 3] = [240; 3];
 
-/// Sizes and colours of what is written around a picture of these sides.
+/// Sizes and colours of the annotations of a picture of these sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Style {
     em: f64,
     ink: [u8; 3],
-    /// Colour around letters, where what is behind the picture is not known.
+    /// Colour of the halo around letters, where the background is unknown.
     halo: Option<[u8; 3]>,
     ground: Option<[u8; 3]>,
 }
@@ -67,14 +67,14 @@ pub(crate) struct Style {
 /// A line of a legend.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
-    /// sRGB.
+    /// Colour in sRGB.
     pub(crate) color: [u8; 3],
     pub(crate) name: String,
-    /// What is written where the font lacks letters of the name.
+    /// Replacement for a name with letters that the font lacks.
     pub(crate) plain: String,
 }
 
-/// The colours of measured values, as a legend has them.
+/// Colour ramp of measured values for a legend.
 #[derive(Clone, Debug)]
 pub(crate) struct Ramp {
     colors: ValueColors,
@@ -83,7 +83,7 @@ pub(crate) struct Ramp {
     tolerance: Option<[f64; 2]>,
 }
 
-/// Numbers along the bar of a ramp, both ends included.
+/// Number of ticks along the bar of a ramp, both ends included.
 const TICKS: u32 = 5;
 
 impl Ramp {
@@ -95,7 +95,7 @@ impl Ramp {
         Self { colors, lines, tolerance: quantity.tolerance }
     }
 
-    /// Values and parts of the way up the bar.
+    /// Labels of the ticks, with their fractions of the bar from its lower end.
     fn ticks(&self) -> impl Iterator<Item = (String, f64)> {
         let [lo, hi] = self.colors.range;
         (0..TICKS).map(move |tick| {
@@ -107,7 +107,7 @@ impl Ramp {
 }
 
 impl Style {
-    /// For a picture of this width and height on a background (sRGB); `None` for one that is too small.
+    /// The style for a picture of this width and height on a background (sRGB); `None` for one that is too small.
     pub(crate) fn of([width, height]: [u32; 2], ground: Option<[u8; 3]>) -> Option<Self> {
         let side = height.min(2 * width);
         let is_dark = |[r, g, b]: [u8; 3]| 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 110;
@@ -134,7 +134,7 @@ impl Style {
         self.pixels(BAR_EMS)
     }
 
-    /// Columns of a legend of these entries, in a picture so wide.
+    /// Columns of a legend of these entries, in a picture of this width.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the picture's")]
     pub(crate) fn legend_columns(self, width: u32, entries: &[Entry]) -> u32 {
         let letters = Letters::new(self.em);
@@ -143,7 +143,7 @@ impl Style {
         (names + 2.5 * self.em).ceil().min(WIDEST * f64::from(width)) as u32
     }
 
-    /// Columns of the legend of these values, in a picture so wide.
+    /// Columns of the legend of these values, in a picture of this width.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the picture's")]
     pub(crate) fn ramp_columns(self, width: u32, ramp: &Ramp) -> u32 {
         let letters = Letters::new(self.em);
@@ -153,7 +153,7 @@ impl Style {
         lines.chain(numbers).fold(0.0, f64::max).ceil().min(WIDEST * f64::from(width)) as u32
     }
 
-    /// A picture with the colours of values on its right, so many columns wide.
+    /// A picture with the colour ramp of values on its right, `columns` wide.
     pub(crate) fn ramp(self, picture: &Image, columns: u32, ramp: &Ramp) -> Image {
         let mut sheet = self.strip(picture, columns, picture.height);
         sheet.ramp(ramp);
@@ -169,7 +169,7 @@ impl Style {
         Sheet { image, style: self }
     }
 
-    /// A strip with a text, as wide as a picture and with its layers.
+    /// A strip with a text, with the width and layers of a picture.
     pub(crate) fn title(self, like: &Image, text: &str) -> Image {
         let mut sheet = self.strip(like, like.width, self.title_rows());
         let room = f64::from(like.width) - self.em;
@@ -180,8 +180,8 @@ impl Style {
         sheet.image
     }
 
-    /// A strip with a bar that has its length in mm, true at `depth_mm` (everywhere, of a parallel camera), and with a cube
-    /// that has the letters of the patient's sides; for a picture that this camera makes.
+    /// A strip with a scale bar in mm, true at `depth_mm` (everywhere, for a parallel camera), and with a cube that
+    /// shows the letters of the patient's sides; for a picture by this camera.
     pub(crate) fn bar(self, like: &Image, camera: &Camera, (height, depth_mm): (u32, f64)) -> Image {
         let mut sheet = self.strip(like, like.width, self.bar_rows());
         sheet.bar(camera.pixel_mm(height, depth_mm));
@@ -189,7 +189,7 @@ impl Style {
         sheet.image
     }
 
-    /// A picture with a legend on its right, so many columns wide: as many entries as fit, and how many more there are.
+    /// A picture with a legend on its right, `columns` wide: as many entries as fit, and the number of the others.
     pub(crate) fn legend(self, picture: &Image, columns: u32, entries: &[Entry]) -> Image {
         let mut sheet = self.strip(picture, columns, picture.height);
         sheet.legend(entries);
@@ -209,7 +209,7 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Lays a colour over a part of a pixel.
+    /// Blends a colour over a part of a pixel.
     fn put(&mut self, [x, y]: [i64; 2], color: [u8; 3], part: f32) {
         let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
         if !((0..width).contains(&x) && (0..height).contains(&y)) || part <= 0.0 {
@@ -233,7 +233,7 @@ impl Sheet {
         }
     }
 
-    /// Text that begins at x, on the line y.
+    /// Text that begins at x, on the baseline y.
     fn text(&mut self, letters: &Letters, text: &str, [x, y]: [f64; 2], ink: [u8; 3]) {
         if let Some(halo) = self.style.halo {
             let reach = self.style.em / 14.0;
@@ -245,7 +245,7 @@ impl Sheet {
         letters.cover(text, [x, y], &mut |at, part| self.put(at, ink, part));
     }
 
-    /// A bar of 1, 2 or 5 times a power of ten of mm, with its length above.
+    /// A scale bar of 1, 2 or 5 times a power of ten of mm, with its length above.
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
     fn bar(&mut self, pixel_mm: f64) {
         let most_mm = LONGEST * f64::from(self.image.width) * pixel_mm;
@@ -275,7 +275,7 @@ impl Sheet {
         self.text(&letters, &label, at, ink);
     }
 
-    /// A cube as it lies to the camera.
+    /// The orientation cube as seen by the camera.
     fn cube(&mut self, camera: &Camera) {
         let [right, up, forward] = camera.axes();
         // Its diagonal fits the strip.
@@ -315,7 +315,7 @@ impl Sheet {
         }
     }
 
-    /// A letter around a place.
+    /// A letter centred at a point.
     fn letter(&mut self, letter: &str, em: f64, [x, y]: [f64; 2]) {
         if let Some(letters) = Letters::new(em) {
             let at = [x - letters.width(letter) / 2.0, y + CAPITAL * em / 2.0];
@@ -419,12 +419,12 @@ impl Sheet {
     }
 }
 
-/// The greatest length of 1, 2 or 5 times a power of ten that is not above another, and its name.
+/// The greatest length of 1, 2 or 5 times a power of ten that does not exceed `most_mm`, and its name.
 fn round_length(most_mm: f64) -> Option<(f64, String)> {
     let mut found = None;
     for power in -3..=6_i32 {
         for digit in [1, 2, 5_u32] {
-            // Products and quotients of whole numbers: the same everywhere.
+            // Products and quotients of integers: the same everywhere.
             let ten = 10_u32.pow(power.unsigned_abs());
             let (length, name) = if power < 0 {
                 let zeros = "0".repeat(power.unsigned_abs() as usize - 1);
@@ -459,7 +459,7 @@ mod tests {
         Image::blank([width, height], [false; 3])
     }
 
-    /// Pixels of a strip's row that are exactly of a colour.
+    /// Number of pixels of a strip's row that have exactly this colour.
     fn inked(image: &Image, row: u32, color: [u8; 4]) -> usize {
         let row = image.rgba.as_chunks::<4>().0.chunks(image.width as usize).nth(row as usize).unwrap();
         row.iter().take(200).filter(|pixel| **pixel == color).count()
@@ -482,7 +482,7 @@ mod tests {
         assert_eq!(Style::of([400, 63], None), None);
     }
 
-    /// As many as fit are listed, the first ones; the rest is counted. Nothing else of the picture changes.
+    /// The first entries that fit are listed; the rest is counted. The picture itself does not change.
     #[test]
     fn a_legend_lists_what_fits_and_leaves_the_picture_alone() {
         let style = Style::of([256, 200], Some([0; 3])).unwrap();

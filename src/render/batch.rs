@@ -1,13 +1,13 @@
-//! Many rays without neighbours: a few of them in flight, in turns. Those that make an image go in [`super::tile`]s.
+//! Many rays without neighbours: a few of them in flight, in turns. Rays that form an image go in [`super::tile`]s.
 //!
-//! A ray alone waits for memory: for a node's rank, then for the infobytes of its children. So eight rays take turns. In
-//! one round each chooses its next box and has its node fetched; in the next each finds where that node's children
-//! stand, and has them fetched; then each compares the 4 x 4 x 4 boxes with its line, as [`super::single`] does. Loads
-//! of eight rays are under way at once.
+//! A ray alone waits for memory: for a node's rank, then for the infobytes of its children. So eight rays take turns.
+//! In one round each chooses its next box and has its node fetched; in the next each finds the position of that node's
+//! children, and has them fetched; then each compares the 4 x 4 x 4 boxes with its line, as [`super::single`] does.
+//! Loads of eight rays are under way at once.
 //!
-//! Rays that start within the grid begin at the bottom: the bricks from the root to the box of the start are looked at
-//! from the finest on, and where the ray before started nearby, they are known already. At the end `mirrored_ray` decides in
-//! integers, so hits are those of every other form.
+//! Rays that start within the grid begin at the bottom: the bricks from the root to the box of the start are tested
+//! from the finest on, and if the previous ray started nearby, they are known already. Finally `mirrored_ray` decides
+//! in integers, so hits equal those of every other form.
 //!
 //! ```text
 //! choose: box -> node (fetch) --> find: first child (fetch) --> look: intersected & occupied --> choose
@@ -25,13 +25,13 @@
 //! | and bricks remembered by rays that may hit anything, signs without branches (kept) | | | | 5.0 |
 //! | Embree's `rtcIntersect1`, `rtcOccluded1`, the mesh of the same surface | 1.5 | 1.4 | 7.7 | 7.6 |
 //!
-//! Bricks remembered, in turns with the row above: 1.1 to 1.25 times as fast where a batch has thousands of rays, as fast where
-//! it has sixteen; 0.9 for first hits from outside, which go without. Sent through all three rounds, as bricks that have to be
-//! fetched: 0.85.
+//! Bricks remembered, measured in turns with the row above: 1.1 to 1.25 times as fast where a batch has thousands of
+//! rays, as fast where it has sixteen; 0.9 for first hits from outside, which go without. Sent through all three
+//! rounds, as bricks that have to be fetched: 0.85.
 //!
-//! Within one run the row before that is 1.4 times `single` on random rays, and 1.25 times on rays of ambient occlusion. One of
-//! those looks at 3.1 bricks besides the five that it starts in (two in three of these have boxes ahead of it); they lie in the
-//! cache, so little is waited for. Making a ray takes 35 to 90 ns more.
+//! Within one run the row before that is 1.4 times `single` on random rays, and 1.25 times on rays of ambient
+//! occlusion. Such a ray tests 3.1 bricks besides the five that it starts in (two in three of these have boxes ahead of
+//! it); they are in the cache, so little is waited for. Making a ray takes 35 to 90 ns more.
 
 use crate::cpu::{Form, Kernel, Lanes, prefetch};
 use crate::geom::NodeIndex;
@@ -49,7 +49,7 @@ use super::traverse::Hit;
 /// Rays in flight.
 const FLIGHT: usize = 8;
 
-/// Traces many rays, and keeps the memory for it: 18 KiB.
+/// Traces many rays, and holds the memory for it: 18 KiB.
 #[derive(Clone, Debug)]
 pub struct Batch {
     form: Form,
@@ -92,7 +92,7 @@ impl Batch {
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Nearest(hits) });
     }
 
-    /// Does each ray meet anything? As [`Batch::nearest`] otherwise.
+    /// Tests each ray for any hit. Otherwise like [`Batch::nearest`].
     pub fn any<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
@@ -105,7 +105,7 @@ impl Batch {
         self.any_more(view, surface, rays, lod_edge_log2, met);
     }
 
-    /// [`Batch::any`] for a batch that has had no other view: bricks are remembered from call to call.
+    /// [`Batch::any`] for a batch that is only used with one view: bricks are remembered from call to call.
     pub(crate) fn any_more<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
@@ -125,13 +125,13 @@ impl Batch {
     }
 }
 
-/// Where what rays meet is put.
+/// Receiver of rays' results.
 trait Answers {
-    /// Is it enough to know that something is met?
+    /// True if it suffices to know that a ray hits anything.
     const ANY: bool;
-    /// A ray meets a box of solid surface.
+    /// Called when a ray meets a box of solid surface.
     fn met(&mut self, ray: usize);
-    /// A ray has this hit.
+    /// Called with a ray's hit.
     fn hit(&mut self, ray: usize, hit: Hit);
 }
 
@@ -192,11 +192,11 @@ impl<S: Surface, A: Answers> Kernel for Flight<'_, S, A> {
 /// A brick whose boxes are being visited.
 #[derive(Clone, Copy, Debug)]
 struct Level {
-    /// Boxes still to be visited, as the ray sees them.
+    /// Boxes still to visit, in the ray's mirrored order.
     pending: u64,
-    /// Boxes as they are stored.
+    /// Boxes in stored order.
     stored: u64,
-    /// Number of the first.
+    /// Number of the first box.
     first: u64,
     /// Lowest box of the finest level, in mirrored coordinates.
     low: [u32; 3],
@@ -206,18 +206,18 @@ impl Level {
     const EMPTY: Self = Self { pending: 0, stored: 0, first: 0, low: [0; 3] };
 }
 
-/// Bricks that are remembered.
+/// Number of remembered bricks.
 const KNOWN: usize = 256;
 
-/// Bricks that rays looked at before, by their nodes.
+/// Bricks that rays tested before, by their nodes.
 #[derive(Clone, Debug)]
 struct Bricks {
-    /// The present call: another one may be for another view.
+    /// Number of the current call: another one may use another view.
     call: u64,
     known: Box<[StoredBrick; KNOWN]>,
 }
 
-/// A brick as it is stored.
+/// A brick in stored order.
 #[derive(Clone, Copy, Debug)]
 struct StoredBrick {
     call: u64,
@@ -232,7 +232,7 @@ impl Bricks {
         Self { call: 1, known: Box::new([StoredBrick { call: 0, node: 0, stored: 0, parent: 0 }; KNOWN]) }
     }
 
-    /// Before rays that may be of another view.
+    /// Forgets the bricks, before rays that may use another view.
     fn forget(&mut self) {
         self.call = self.call.wrapping_add(1);
     }
@@ -259,11 +259,11 @@ struct Slot {
     number: usize,
     exact: MirroredRay,
     line: Line,
-    /// Bricks on the way, by level: that of the finest boxes is 0.
+    /// Open bricks by level; level 0 has the finest boxes.
     levels: [Level; BRICK_LEVELS],
-    /// Levels with boxes to be visited, as bits.
+    /// Mask of levels with boxes to visit.
     waiting: u32,
-    /// The brick that is to be looked at.
+    /// The brick to test next.
     next: Next,
 }
 
@@ -278,10 +278,10 @@ struct Next {
     parent: NodeIndex,
 }
 
-/// The bricks that the ray before started in, from the top down: rays that start near each other share them.
+/// The bricks that the previous ray started in, from the top down: rays that start near each other share them.
 struct Path {
     top: u32,
-    /// Levels, rounded up to even, are bricks; is the top one half a brick?
+    /// True if the top brick is half a brick: an odd number of levels is rounded up to even.
     half_top: bool,
     last: u32,
     bottom: u32,
@@ -300,7 +300,7 @@ impl Slot {
         next: Next { level: 0, low: [0; 3], node: NodeIndex::ROOT, infobyte: 0, parent: NodeIndex::ROOT },
     };
 
-    /// Takes a ray, and looks at the bricks that it starts in.
+    /// Takes a ray, and tests the bricks that it starts in.
     #[inline(always)]
     fn begin<L: Lanes>(
         &mut self,
@@ -336,7 +336,7 @@ impl Slot {
             } else {
                 pending &= self.line.ahead(low, 2 * level);
             }
-            // Of rays that leave a surface, many have nothing ahead of them in the bricks around.
+            // Many rays that leave a surface have nothing ahead of them in the bricks around.
             if pending != 0 {
                 pending &= self.line.intersected(l, low, 2 * level);
             }
@@ -359,7 +359,7 @@ impl Slot {
         mirror | if path.half_top && level == path.top { 0 } else { mirror << 3 }
     }
 
-    /// Finds where the children of the brick that is next stand.
+    /// Finds the position of the children of the next brick.
     #[inline(always)]
     fn find(&mut self, view: &ModelView<'_>) {
         let node = self.next.node;
@@ -368,7 +368,7 @@ impl Slot {
         view.sources(self.next.parent).iter().for_each(|bytes| prefetch(*bytes));
     }
 
-    /// Looks at the brick that is next, and remembers it if that is wanted.
+    /// Tests the next brick, and remembers it if requested.
     #[inline(always)]
     fn look<L: Lanes>(&mut self, l: L, view: &ModelView<'_>, known: Option<&mut Bricks>) {
         let Next { level, low, infobyte, parent, node } = self.next;
@@ -379,7 +379,7 @@ impl Slot {
         self.look_at(l, view, (level, low), (stored, parent));
     }
 
-    /// Looks at a brick.
+    /// Tests a brick.
     #[inline(always)]
     fn look_at<L: Lanes>(
         &mut self,
@@ -394,7 +394,7 @@ impl Slot {
             & self.line.intersected(l, low, 2 * level);
         // Most bricks have nothing in the way.
         if pending != 0 {
-            // Boxes of the finest level are numbered where they are met.
+            // Boxes of the finest level are numbered when they are hit.
             let first = if level > 0 { view.first_child(parent).get() } else { parent.get() };
             let at = level as usize % BRICK_LEVELS;
             self.levels[at] = Level { pending, stored, first, low };
@@ -403,7 +403,7 @@ impl Slot {
     }
 }
 
-/// Boxes of a brick that are not behind a box, by its place.
+/// Boxes of a brick that are not behind a box, by its index.
 static AHEAD: [u64; 64] = {
     let mut masks = [0; 64];
     let mut pair = 0;
@@ -427,7 +427,7 @@ const fn along(axis: usize, v: usize) -> usize {
     (v >> axis & 1) | (v >> (axis + 2) & 2)
 }
 
-/// The two bits of a coordinate as they stand in a Morton code.
+/// The two bits of a coordinate, spread as in a Morton code.
 #[inline(always)]
 fn spread(c: u32) -> u32 {
     (c & 1) | (c & 2) << 2
@@ -457,11 +457,11 @@ impl Path {
         path
     }
 
-    /// Makes it the path to a box.
+    /// Changes it to the path to a box.
     #[inline(always)]
     fn follow<L: Lanes>(&mut self, l: L, view: &ModelView<'_>, start: [u32; 3]) {
         let differs = (self.start[0] ^ start[0]) | (self.start[1] ^ start[1]) | (self.start[2] ^ start[2]);
-        // The lowest brick that holds both.
+        // The lowest brick that holds both boxes.
         let both = u32::BITS.wrapping_sub(differs.leading_zeros()).wrapping_add(1) / 2;
         let mut level = both.saturating_sub(1).max(self.bottom);
         while level > 0 {
@@ -526,7 +526,7 @@ impl<S: Surface, A: Answers> Flight<'_, S, A> {
         }
     }
 
-    /// Chooses the next brick of a ray; `false` when it has met something, or has come to its end.
+    /// Chooses the next brick of a ray; `false` when it has hit something, or has come to its end.
     #[inline(always)]
     fn choose<L: Lanes>(&mut self, l: L, k: usize, path: &Path, unit: u32) -> bool {
         loop {
@@ -546,7 +546,7 @@ impl<S: Surface, A: Answers> Flight<'_, S, A> {
             let low = each3!(A => level.low[A].wrapping_add(place[A].wrapping_shl(2 * at)));
             if at > 0 {
                 let node = NodeIndex::new(level.first.wrapping_add(before));
-                // Nothing to wait for.
+                // No memory to wait for.
                 if A::ANY
                     && let Some(brick) = self.known.get(node.get())
                 {
@@ -573,7 +573,7 @@ impl<S: Surface, A: Answers> Flight<'_, S, A> {
         }
     }
 
-    /// Asks the surface about a box of the finest level.
+    /// Tests a ray against the surface in a box of the finest level.
     #[inline(always)]
     fn meets(
         &mut self,

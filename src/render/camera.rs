@@ -1,7 +1,7 @@
 //! Cameras: the named views of a patient, and free ones.
 //!
-//! World axes are DICOM's: +x to the patient's left, +y to the back, +z to the head. The named views, with
-//! what they show on the picture's right and at its top:
+//! World axes are DICOM's: +x to the patient's left, +y to the back, +z to the head. The named views, with the
+//! directions on the picture's right and at its top:
 //!
 //! | view | looks along | right | top |
 //! |---|---|---|---|
@@ -18,13 +18,13 @@ use std::str::FromStr;
 use super::{CameraFault, RenderError};
 use crate::geom::{add_scaled, angle, cross, dot};
 
-/// How lines of sight run.
+/// Projection of lines of sight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Projection {
-    /// Side by side: sizes are comparable everywhere in the picture.
+    /// Parallel lines: sizes are comparable everywhere in the picture.
     #[default]
     Parallel,
-    /// From one point: near things are larger.
+    /// Lines from one point: near things are larger.
     Perspective,
 }
 
@@ -40,7 +40,7 @@ impl FromStr for Projection {
     }
 }
 
-/// A named view; see the module for where each looks from.
+/// A named view; the module's text lists their directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NamedView {
     /// The patient's face.
@@ -61,21 +61,21 @@ pub enum NamedView {
 }
 
 impl NamedView {
-    /// All of them, in the order of the command's help.
+    /// All views, in the order of the command's help.
     pub const ALL: [Self; 7] =
         [Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom, Self::Iso];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         self.row().0
     }
 
-    /// The world direction that it looks along.
+    /// World direction of the line of sight.
     pub(crate) fn looks_along(self) -> [f64; 3] {
         self.row().1
     }
 
-    /// Its name, and the world directions that it looks along and has at the top (not yet at right angles for iso).
+    /// Name, and the world directions of the line of sight and of the picture's top (not yet orthogonal for iso).
     fn row(self) -> (&'static str, [f64; 3], [f64; 3]) {
         let head = [0.0, 0.0, 1.0];
         match self {
@@ -100,7 +100,7 @@ impl FromStr for NamedView {
     }
 }
 
-/// Where the picture is taken from.
+/// Viewpoint of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewPoint {
     /// A named view, framed so that the model fills the picture.
@@ -111,16 +111,16 @@ pub enum ViewPoint {
         eye: [f64; 3],
         /// A point in the middle of the picture.
         look_at: [f64; 3],
-        /// A direction that is upwards in the picture; by default the head's, or, when looking along
-        /// that, the back's.
+        /// A direction that is upwards in the picture; by default towards the head, or, when looking along that,
+        /// towards the back.
         up: Option<[f64; 3]>,
     },
     /// A named view turned about the head's axis through the model's middle, framed so that the whole model is seen
     /// from all around.
     Turned {
-        /// Where it begins; from the top or the bottom the picture turns in its plane.
+        /// The view to begin with; for top and bottom the picture turns in its plane.
         view: NamedView,
-        /// Degrees: the eye goes from the patient's front to the left side.
+        /// Angle in degrees: the eye goes from the patient's front to the left side.
         degrees: f64,
     },
 }
@@ -142,7 +142,7 @@ pub struct Camera {
     right: [f64; 3],
     up: [f64; 3],
     forward: [f64; 3],
-    /// Half the picture's sides: in mm, or per mm of distance in perspective.
+    /// Half the picture's width and height: in mm, or per mm of distance in perspective.
     half_width: f64,
     half_height: f64,
 }
@@ -150,13 +150,13 @@ pub struct Camera {
 impl Camera {
     /// Builds the camera of a view point for a picture of `aspect` = width / height.
     ///
-    /// `fov_deg` is the angle between the bottom and the top of the picture. A free parallel camera shows
-    /// at every distance what a perspective one shows at the distance of `look_at`. `support` gives the
-    /// model's extent: the greatest `direction . p` over its points.
+    /// `fov_deg` is the angle between the bottom and the top of the picture. A free parallel camera has the same extent
+    /// at every distance as a perspective one at the distance of `look_at`. `support` gives the model's extent: the
+    /// greatest `direction . p` over its points.
     ///
     /// # Errors
-    /// [`RenderError`] for coordinates that are not finite, an eye in the point looked at, an `up`
-    /// along the line of sight, or a field of view out of range.
+    /// [`RenderError`] for coordinates that are not finite, an eye equal to `look_at`, an `up` along the line of sight,
+    /// or a field of view out of range.
     pub fn new(
         point: ViewPoint,
         projection: Projection,
@@ -219,7 +219,7 @@ impl Camera {
         Self { projection, eye, right, up, forward, half_width: half_height * aspect, half_height }
     }
 
-    /// Parallel camera just before the model, which fills the picture but for a margin.
+    /// Parallel camera in front of the model, which fills the picture except for a margin.
     fn framed_parallel(axes: Axes, aspect: f64, support: impl Fn([f64; 3]) -> f64) -> Self {
         let span = |v: [f64; 3]| (-support(v.map(|c| -c)), support(v));
         let (left, right) = span(axes.right);
@@ -231,7 +231,7 @@ impl Camera {
         Self::assemble(Projection::Parallel, eye, axes, half, aspect)
     }
 
-    /// Camera that sees the whole model however it is turned about the head's axis.
+    /// Camera that sees the whole model at any turn about the head's axis.
     fn around(
         axes: Axes,
         projection: Projection,
@@ -267,7 +267,7 @@ impl Camera {
 
     /// Perspective camera at the least distance from which the whole model is seen.
     fn framed_perspective(axes: Axes, tangent: f64, aspect: f64, support: impl Fn([f64; 3]) -> f64) -> Self {
-        // Of points (side, depth) along one picture axis and forward, an eye (e, f) sees those with
+        // An eye (e, f) sees a point (side, depth), along one picture axis and forward, if
         // |side - e| <= k (depth - f), that is e - k f >= side - k depth and e + k f <= side + k depth.
         let fit = |axis: [f64; 3], k: f64| {
             let most = support(add_scaled(axis, -k, axes.forward));
@@ -281,7 +281,7 @@ impl Camera {
         Self::assemble(Projection::Perspective, eye, axes, tangent, aspect)
     }
 
-    /// The same camera, whose picture shows a part so many times smaller, about its middle.
+    /// The same camera, magnified by a factor about the middle of the picture.
     ///
     /// # Errors
     /// [`RenderError`] for a factor out of 0.01..=1000.
@@ -325,12 +325,12 @@ impl Camera {
         }
     }
 
-    /// Half the picture's width and height, as [`Camera::ray`] scales its point.
+    /// Half the picture's width and height, which scale the point of [`Camera::ray`].
     pub(super) fn half_sides(&self) -> (f64, f64) {
         (self.half_width, self.half_height)
     }
 
-    /// Where the eye is; `None` of a parallel camera.
+    /// Position of the eye; `None` for a parallel camera.
     pub(crate) fn eye(&self) -> Option<[f64; 3]> {
         (self.projection == Projection::Perspective).then_some(self.eye)
     }
@@ -349,7 +349,7 @@ impl Camera {
         }
     }
 
-    /// Least and greatest depth in mm of a model with this support; nothing before the camera counts.
+    /// Least and greatest depth in mm of a model with this support; the part behind the camera does not count.
     pub(crate) fn depth_range_mm(&self, support: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
         let at = dot(self.eye, self.forward);
         let near = (-support(self.forward.map(|c| -c)) - at).max(0.0);
@@ -360,7 +360,7 @@ impl Camera {
 /// Rays as affine functions of the picture point (x, y): each is a constant, its change with x, and with y.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayFrame {
-    /// Does the origin change, and not the direction?
+    /// True if the origin changes, and not the direction.
     pub(super) parallel: bool,
     pub(super) origin: [[f64; 3]; 3],
     pub(super) direction: [[f64; 3]; 3],
@@ -368,7 +368,7 @@ pub(super) struct RayFrame {
     pub(super) unit_up: [f64; 3],
 }
 
-/// Three unit vectors at right angles.
+/// Three orthogonal unit vectors.
 #[derive(Clone, Copy)]
 struct Axes {
     right: [f64; 3],
@@ -398,7 +398,7 @@ fn turned(v: [f64; 3], degrees: f64) -> [f64; 3] {
     [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]]
 }
 
-/// The vector at length 1; `None` without a length.
+/// The vector scaled to length 1; `None` for a zero vector.
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     let largest = v.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
     if !largest.is_normal() {
@@ -429,7 +429,8 @@ mod tests {
         Camera::new(ViewPoint::Named(view), projection, 40.0, aspect, model).unwrap()
     }
 
-    /// Is the whole box before the camera and in the picture? The greatest coordinate of a corner there.
+    /// Checks that the whole box is in front of the camera and in the picture; returns the greatest coordinate of a
+    /// corner there.
     fn sees(c: &Camera, low: [f64; 3], high: [f64; 3]) -> f64 {
         let mut most = 0.0_f64;
         for corner in 0..8_u32 {

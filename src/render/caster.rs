@@ -1,4 +1,4 @@
-//! Rays from the world and back to it: one, or many at once.
+//! Rays in world coordinates, with hits in world coordinates: one, or many at once.
 
 use std::ops::Deref;
 
@@ -17,15 +17,15 @@ use crate::geom::{NodeIndex, VoxelIndex};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::RenderFault;
 
-/// Rays that are made before they are traced: 140 KiB with their hits.
+/// Rays set up together before they are traced: 140 KiB with their hits.
 const AT_ONCE: usize = 1024;
 
-/// Base-2 logarithm of one more than the tiles that are not tried after tiles that did not fit, at most.
+/// Limit on the skipping of tiles after tiles that did not fit: base-2 logarithm of one more than the skipped number.
 const MAX_UNFIT: u32 = 6;
 
 /// Traces rays through a model, in world coordinates (LPS mm).
 ///
-/// `P` is what leads to the model: `&Model`, or `Arc<Model>` where the caster has to outlive the place that opened it.
+/// `P` is a handle of the model: `&Model`, or `Arc<Model>` where the caster has to outlive the code that opened it.
 /// Casters can be shared by threads.
 ///
 /// Every decision is exact, as in pictures: the ray is rounded once, and no ray slips between two voxels that
@@ -51,7 +51,7 @@ pub struct RayCaster<P> {
     space: GridSpace,
 }
 
-/// Where a ray meets a surface.
+/// Intersection of a ray with a surface.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -61,7 +61,8 @@ pub struct SurfacePoint {
     pub t: f64,
     /// Index of the skin voxel (x, y, z), or of the cell: cell i lies between samples i - 1 and i.
     pub voxel: [u32; 3],
-    /// Its number in the order of the file, as [`Model::voxels`] has it; of a larger leaf [`Hits::NOTHING`] - 1 less the number of its node.
+    /// Number in the order of the file, as in [`Model::voxels`]; for a larger leaf, [`Hits::NOTHING`] - 1 less the
+    /// number of its node.
     pub number: u64,
     /// Unit vector out of the surface, where the model has normals.
     pub normal: Option<[f64; 3]>,
@@ -77,32 +78,32 @@ impl SurfacePoint {
     };
 }
 
-/// The hits of many rays: arrays with an item for each ray, in their order, to be used again for the next rays.
+/// The hits of many rays: arrays with an item for each ray, in their order, to be reused for the next rays.
 #[non_exhaustive]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {
-    /// [`SurfacePoint::t`]; infinity for a ray that meets nothing.
+    /// [`SurfacePoint::t`]; infinity for a ray without a hit.
     pub t: Vec<f64>,
-    /// [`SurfacePoint::position_mm`]; NaN for a ray that meets nothing.
+    /// [`SurfacePoint::position_mm`]; NaN for a ray without a hit.
     pub position_mm: Vec<[f64; 3]>,
     /// [`SurfacePoint::normal`]; NaN without one.
     pub normal: Vec<[f64; 3]>,
-    /// [`SurfacePoint::voxel`]; 0 for a ray that meets nothing.
+    /// [`SurfacePoint::voxel`]; 0 for a ray without a hit.
     pub voxel: Vec<[u32; 3]>,
-    /// [`SurfacePoint::number`]; [`Hits::NOTHING`] for a ray that meets nothing.
+    /// [`SurfacePoint::number`]; [`Hits::NOTHING`] for a ray without a hit.
     pub number: Vec<u64>,
 }
 
 impl Hits {
-    /// The number of no voxel.
+    /// Number of a ray without a hit.
     pub const NOTHING: u64 = u64::MAX;
 
-    /// Rays.
+    /// Number of rays.
     pub fn len(&self) -> usize {
         self.t.len()
     }
 
-    /// Are there no rays?
+    /// True without rays.
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
     }
@@ -127,7 +128,7 @@ impl Hits {
         self.number[ray] = point.number;
     }
 
-    /// So many rays that meet nothing.
+    /// Resets the arrays to `rays` rays without a hit.
     fn reset(&mut self, rays: usize) {
         refill(&mut self.t, rays, f64::INFINITY);
         refill(&mut self.position_mm, rays, [f64::NAN; 3]);
@@ -137,15 +138,15 @@ impl Hits {
     }
 }
 
-/// Takes what the rays of an array meet.
+/// Receiver of the hits of an array's rays.
 trait Found {
-    /// True if it is enough to know that something is met.
+    /// True if it suffices to know that a ray hits anything.
     const ANY: bool;
-    /// A ray meets something: what, unless any will do.
+    /// Called with the hit of a ray, or with `None` if any hit will do.
     fn take(&mut self, ray: usize, hit: Option<&Hit>);
 }
 
-/// Rays that meet something at a parameter of at most `t_max`; with `ANY` without regard to that.
+/// Rays with a hit at a parameter of at most `t_max`; with `ANY` the limit is ignored.
 struct Met<'a, const ANY: bool> {
     t_max: f64,
     met: &'a mut [bool],
@@ -160,7 +161,7 @@ impl<const ANY: bool> Found for Met<'_, ANY> {
     }
 }
 
-/// Hits that are taken to the world together.
+/// Hits that are transformed to the world together.
 struct Points<'a, F> {
     space: &'a GridSpace,
     view: &'a ModelView<'a>,
@@ -169,7 +170,7 @@ struct Points<'a, F> {
     count: usize,
     rays: [usize; RAYS],
     points: [SurfacePoint; RAYS],
-    /// Normals as they are stored, by axis.
+    /// Stored normals, by axis.
     normals: [[f64; RAYS]; 3],
     out: F,
 }
@@ -195,7 +196,7 @@ impl<F: FnMut(usize, &SurfacePoint)> Found for Points<'_, F> {
 }
 
 impl<F: FnMut(usize, &SurfacePoint)> Points<'_, F> {
-    /// Gives the points away that are here.
+    /// Emits the gathered points.
     fn give(&mut self) {
         self.space.normals_to_world(Form::best(), self.cells.is_some(), &mut self.normals);
         for (at, (ray, point)) in self.rays.iter().zip(&mut self.points).take(self.count).enumerate() {
@@ -207,7 +208,7 @@ impl<F: FnMut(usize, &SurfacePoint)> Points<'_, F> {
     }
 }
 
-/// Rays that are traced eight in turns, some at a time.
+/// Rays traced eight in turns, in batches.
 struct Turns<'a, F> {
     view: &'a ModelView<'a>,
     cells: Option<&'a Cells<'a>>,
@@ -234,7 +235,7 @@ impl<'a, F: Found> Turns<'a, F> {
         }
     }
 
-    /// Traces what was taken.
+    /// Traces the gathered rays.
     fn trace(&mut self) {
         let Self { view, cells, found, batch, numbers, rays, hits, met } = self;
         match (F::ANY, cells) {
@@ -265,8 +266,8 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         Ok(Self { model, space })
     }
 
-    /// The first skin voxel on a ray, if it meets one: `origin_mm` in LPS mm, `direction` of any length. A ray that
-    /// starts in a skin voxel meets that one.
+    /// The first skin voxel on a ray, if it hits: `origin_mm` in LPS mm, `direction` of any length. A ray that starts
+    /// in a skin voxel hits that one.
     ///
     /// # Errors
     /// [`RenderError`] for a ray that is not finite or has no direction.
@@ -292,13 +293,13 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         }))
     }
 
-    /// The first hits of many rays, bit for bit those of [`RayCaster::first_hit`]. Rays of an image, row by row, at least
-    /// 8 x 8 of them, and those of a scanner's rings or a line, are traced 64 together as those of pictures are, several times
-    /// faster: rows of any length are found by where rays jump or turn, and each 64 are measured. Other rays may be in any order: eight of them are in flight at a time, so that they wait for
-    /// memory together.
+    /// The first hits of many rays, bit for bit equal to [`RayCaster::first_hit`]. Rays of an image, row by row, at
+    /// least 8 x 8 of them, and rays of a scanner's rings or of a line are traced 64 together as in pictures, several
+    /// times faster: rows of any length are detected by jumps or turns of the rays, and each group of 64 is measured.
+    /// Other rays may be in any order: eight of them are in flight at a time, so that they wait for memory together.
     ///
     /// Memory: `hits` has 88 bytes a ray, and keeps them for the next call; the call itself takes 180 KiB. It runs on
-    /// the caller's thread: threads of its own take parts of the rays, with a `Hits` each.
+    /// the caller's thread: to use several threads, give each a part of the rays and its own `Hits`.
     ///
     /// ```
     /// # fn main() -> Result<(), infobyte::Error> {
@@ -316,8 +317,8 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// ```
     ///
     /// # Errors
-    /// [`RenderError`] for the first ray that is not finite or has no direction,
-    /// unless there are as many directions as origins, and if the model's file is changed; `hits` is empty then.
+    /// [`RenderError`] for the first ray that is not finite or has no direction, if the numbers of directions and
+    /// origins differ, and if the model's file is changed; `hits` is empty then.
     pub fn first_hits(
         &self,
         origins_mm: &[[f64; 3]],
@@ -333,7 +334,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         traced
     }
 
-    /// [`RayCaster::first_hits`] of rays that stand so in their array; `out` takes the hits.
+    /// [`RayCaster::first_hits`] of rays with this layout in their array; `out` receives the hits.
     pub(crate) fn points(
         &self,
         layout: Layout,
@@ -359,13 +360,13 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         Ok(())
     }
 
-    /// Does each of many rays meet anything at `t` of at most `t_max`, a multiple of the direction's length? For shadows
-    /// of a light, give the way to it as the direction, and 1; for rays without an end, [`f64::INFINITY`], which costs
-    /// less. Otherwise as [`RayCaster::first_hits`].
+    /// Tests each of many rays for any hit at `t` of at most `t_max`, a multiple of the direction's length. For shadows
+    /// of a light, pass the way to it as the direction, and 1; for unlimited rays, [`f64::INFINITY`], which costs less.
+    /// Otherwise like [`RayCaster::first_hits`].
     ///
     /// # Errors
-    /// As [`RayCaster::first_hits`]; also unless there are as many answers as rays. What is in
-    /// `met` then means nothing.
+    /// The errors of [`RayCaster::first_hits`], and unequal numbers of answers and rays. The content of `met` is then
+    /// undefined.
     pub fn any_hit(
         &self,
         origins_mm: &[[f64; 3]],
@@ -379,7 +380,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         self.met(Layout::of(origins_mm, directions, None), (origins_mm, directions), t_max, met)
     }
 
-    /// [`RayCaster::any_hit`] of rays that stand so in their array, and are as many as the answers.
+    /// [`RayCaster::any_hit`] of rays with this layout in their array, as many as the answers.
     pub(crate) fn met(
         &self,
         layout: Layout,
@@ -394,7 +395,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         self.trace(layout, lines, &mut Met::<false> { t_max, met })
     }
 
-    /// Traces rays: in tiles where neighbours in the array are neighbours, eight in turns elsewhere.
+    /// Traces rays: in tiles where neighbours in the array are neighbours in space, eight in turns elsewhere.
     fn trace(
         &self,
         layout: Layout,
@@ -410,7 +411,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
             let cells = view.cells().map(Cells::new);
             let mut turns = Turns::new(&view, cells.as_ref(), found);
             if self.in_tiles(layout, lines, &mut turns).is_err() {
-                // Some ray is refused: the first.
+                // Some ray is invalid: finds the first.
                 for index in 0..rays {
                     let at = |fault: BadRay| RenderError::from(RenderFault::RayAt { index, fault });
                     self.space.ray(lines.0[index], lines.1[index]).map_err(at)?;
@@ -421,7 +422,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         })
     }
 
-    /// Traces rays 64 by 64 where they are neighbours. Those that are not nearly affine are left to `turns`.
+    /// Traces rays 64 by 64 where they are neighbours. Groups that are not nearly affine are left to `turns`.
     fn in_tiles<F: Found>(
         &self,
         layout: Layout,
@@ -469,7 +470,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     }
 }
 
-/// A hit in the world; its normal as it is stored, of index space where there are cells.
+/// A hit in the world; its normal is the stored one, of index space for cells.
 #[inline]
 fn stored(
     view: &ModelView<'_>,
@@ -479,7 +480,7 @@ fn stored(
     (origin_mm, direction): ([f64; 3], [f64; 3]),
 ) -> (SurfacePoint, Option<[f64; 3]>) {
     let position_mm = each3!(A => origin_mm[A] + hit.t * direction[A]);
-    // Larger leaves have no number among the cells: those below the greatest are theirs.
+    // Larger leaves have no number among the cells; theirs count down from the greatest.
     let number = hit.voxel(view).unwrap_or(Hits::NOTHING - 1 - hit.box_number);
     let normal = match cells {
         Some(_) if hit.edge_log2 > 0 => {

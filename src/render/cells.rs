@@ -1,16 +1,16 @@
 //! A ray and the surface within a cell: a plane, or the trilinear interpolation of eight corners.
 //!
-//! Whether a ray hits is decided by its points of entry and exit. A cell is hit where the ray is inside as it
-//! enters, and else where it has come to be inside on its way. The plane's side of a point of entry or exit is
-//! a sign of integers: with `o`, `d` the ray's and `n / c` the time of the crossing, the sign of
-//! `sum N_a ((o_a - middle_a) c + d_a n) - offset 2^15 c`. Within the cell each bracket is at most `2^15 c`,
-//! so the sum stays below 2^53 and sums that wrap on the way do no harm.
+//! A hit is decided by the ray's points of entry and exit. A cell is hit where the ray is inside as it enters, or else
+//! where it comes to be inside on its way. The plane's side of a point of entry or exit is a sign of integers: with
+//! `o`, `d` the ray's and `n / c` the time of the crossing, the sign of `sum N_a ((o_a - middle_a) c + d_a n) - offset
+//! 2^15 c`. Within the cell each bracket is at most `2^15 c`, so the sum stays below 2^53 and sums that wrap on the way
+//! do no harm.
 //!
 //! The time of a crossing within is one division of two integers that doubles hold exactly; it is off by less
 //! than 2^-36 cell along the ray in the largest grid.
 //!
-//! Along a ray the interpolation of corners is a cubic. Most rays are decided at a glance, by its values at the points of
-//! entry and exit and its Bernstein coefficients. Else it is followed in doubles by operations in a fixed order: every
+//! Along a ray the interpolation of corners is a cubic. Most rays are decided quickly, by its values at the points of
+//! entry and exit and its Bernstein coefficients. Others are followed in doubles by operations in a fixed order: every
 //! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
 use crate::format::cell::{CORNERS, Plane};
@@ -27,7 +27,7 @@ pub(super) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The smaller of two numbers, as [`larger`].
+/// The smaller of two numbers, like [`larger`].
 #[inline(always)]
 pub(super) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
@@ -35,18 +35,18 @@ pub(super) fn smaller(a: f64, b: f64) -> f64 {
 
 /// Half the edge of a cell in units of a ray's origin.
 pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);
-/// The same as a double.
+/// [`HALF_CELL`] as a double.
 const HALF: f64 = HALF_CELL as f64;
 
-/// Square of the least cosine, in index space, between the direction that is stored of a cell with corners and that of
-/// its surface where it is met: 60 degrees, as where normals are blended.
+/// Square of the least cosine, in index space, between the stored direction of a cell with corners and the direction of
+/// its surface at the hit: 60 degrees, as where normals are blended.
 const NEAR_OWN: f64 = 0.25;
 
 /// Cells between samples, each with the surface within it; boxes above them count as solid.
 #[derive(Clone, Copy, Debug)]
 pub struct Cells<'a> {
     items: CellItems<'a>,
-    /// Labels that are not seen, and the one that rays are in; otherwise rays are in none, and all are seen.
+    /// Hidden labels, and the label that rays start in; `None` if rays start in background and all labels are visible.
     hidden: Option<(&'a Hidden, u16)>,
 }
 
@@ -56,15 +56,16 @@ impl<'a> Cells<'a> {
         Self { items, hidden: None }
     }
 
-    /// The same to rays within the label `from` that do not see some labels: a hit is where they come to be in another one.
+    /// The same surface for rays within the label `from` that do not see hidden labels: a hit is an entry into another
+    /// label.
     pub(crate) fn hiding(self, hidden: &'a Hidden, from: u16) -> Self {
         Self { hidden: Some((hidden, from)), ..self }
     }
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
     ///
-    /// For a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
-    /// that point; there may be two surfaces in the cell.
+    /// For a cell with corners, its stored direction, which is smooth, as long as it is near the surface's own at that
+    /// point; there may be two surfaces in the cell.
     pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
         let stored = self.items.normal(cell).map(f64::from);
         match self.items.shape(cell) {
@@ -79,12 +80,12 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// What is stored of them.
+    /// The stored items of the cells.
     pub(crate) fn items(&self) -> CellItems<'a> {
         self.items
     }
 
-    /// Has the cell corners instead of a plane?
+    /// True if the cell has corners instead of a plane.
     #[inline]
     pub(crate) fn has_corners(&self, cell: u64) -> bool {
         self.items.plane(cell).is_none()
@@ -103,13 +104,13 @@ impl Surface for Cells<'_> {
             return Estimate::Unsure;
         };
         let (start, slope) = along(&plane, approach);
-        // Where the ray crosses the plane, from the middle of the cell and times the slope's size; on a ray that
+        // Crossing of the ray with the plane, from the middle of the cell and times the slope's size; for a ray that
         // comes to be in front of the plane instead of behind it, as seen from the other end.
         let at = each3!(A => approach.direction[A] * start - approach.from_middle[A] * slope);
         let half = HALF * slope.abs();
         let farthest = larger(larger(at[0], at[1]), at[2]);
         if farthest > half + CROSSING_SLACK {
-            // Beyond a face that the ray leaves by: it is in front of the plane until then.
+            // Beyond an exit face: the ray is in front of the plane until then.
             return Estimate::Past;
         }
         let nearest = smaller(smaller(at[0], at[1]), at[2]);
@@ -140,7 +141,7 @@ impl Surface for Cells<'_> {
             }
             return look_at_corners(self.items.corners(cell), glance);
         };
-        // Times are at most 2^5 and off by 2^-40, so that what follows is off by less than a unit.
+        // Times are at most 2^5 and off by 2^-40, so that the following values are off by less than a unit.
         let (start, slope) = along(&plane, &glance.approach);
         let (first, last) = (start + slope * glance.enter, start + slope * glance.leave);
         if first < -1.0 {
@@ -171,10 +172,10 @@ impl Surface for Cells<'_> {
     }
 }
 
-/// How far a ray's crossing of a plane, times the slope, may be off: products below 2^71, rounded to 53 bits.
+/// Error bound of a ray's crossing with a plane, times the slope: products below 2^71, rounded to 53 bits.
 pub(super) const CROSSING_SLACK: f64 = (1_u64 << 20) as f64;
 
-/// How far in front of a plane a ray starts, and its change along the ray: whole numbers below 2^42, exact.
+/// Distance of a ray's start in front of a plane, and its change along the ray: integers below 2^42, exact.
 #[inline(always)]
 fn along(plane: &Plane, approach: &Approach) -> (f64, f64) {
     let n = each3!(A => {
@@ -188,17 +189,17 @@ fn along(plane: &Plane, approach: &Approach) -> (f64, f64) {
     )
 }
 
-/// The moment at which a ray starts.
+/// The moment when a ray starts.
 const START: Crossing = Crossing { axis: 0, distance: 0, component: 1 };
 
-/// From the middle of a cell to the ray's origin.
+/// Vector from the middle of a cell to the ray's origin.
 #[inline(always)]
 fn from_middle(ray: &Ray, cell: [u32; 3]) -> [i64; 3] {
     let origin = ray.origin();
     std::array::from_fn(|a| origin[a] - (i64::from(cell[a]) << FRACTION_BITS) - HALF_CELL)
 }
 
-/// Where the ray meets what lies behind a plane, in a cell or a larger leaf.
+/// Hit of the ray with the space behind a plane, in a cell or a larger leaf.
 #[inline]
 pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<Hit> {
     let side = Side::new(plane, ray, passage);
@@ -212,10 +213,10 @@ pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<
     Some(Hit { box_number, cell, edge_log2, face: None, t: side.crossing(ray) })
 }
 
-/// The side of a plane that a ray is on, on its way through a box.
+/// The side of a plane on which a ray is, on its way through a box.
 pub(super) struct Side<'p> {
     passage: &'p Passage,
-    /// From the middle of the box to the ray's origin, and the ray's direction.
+    /// Vector from the middle of the box to the ray's origin, and the ray's direction.
     from: [i64; 3],
     direction: [i64; 3],
     normal: [i64; 3],
@@ -246,19 +247,19 @@ impl<'p> Side<'p> {
         })
     }
 
-    /// Above 0 where the ray enters in front of the plane.
+    /// Positive if the ray enters in front of the plane.
     #[inline]
     pub(super) fn at_entry(&self) -> i64 {
         self.at(self.passage.enter.as_ref().unwrap_or(&START))
     }
 
-    /// Above 0 where it leaves in front of it.
+    /// Positive if it leaves in front of the plane.
     #[inline]
     pub(super) fn at_exit(&self) -> i64 {
         self.at(&self.passage.leave)
     }
 
-    /// t where it crosses the plane, which it does.
+    /// t at the crossing with the plane, which must exist.
     #[inline]
     pub(super) fn crossing(&self, ray: &Ray) -> f64 {
         let dot = |v: [i64; 3]| self.normal[0] * v[0] + self.normal[1] * v[1] + self.normal[2] * v[2];
@@ -267,11 +268,11 @@ impl<'p> Side<'p> {
     }
 }
 
-/// Values of an interpolation above which a point is surely inside, and below minus which outside: points of entry and
-/// exit are off by less than 2^-20 of the cell, and values change by 381 over it at most.
+/// Values of an interpolation above which a point is certainly inside, and below minus which it is outside: points of
+/// entry and exit are off by less than 2^-20 of the cell, and values change by 381 over it at most.
 const SURELY: f64 = 0.01;
 
-/// A quick answer about a cell with corners.
+/// Quick test of a cell with corners.
 #[inline(never)]
 fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Estimate {
     let mirror = glance.approach.mirror as usize & (CORNERS - 1);
@@ -291,13 +292,13 @@ fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Estimate {
         let g = field.gradient(at);
         g[0] * (last[0] - first[0]) + g[1] * (last[1] - first[1]) + g[2] * (last[2] - first[2])
     };
-    // A cubic lies below its four Bernstein coefficients' greatest.
+    // A cubic lies below the greatest of its four Bernstein coefficients.
     let (second, third) = (at_first + slope(first) * (1.0 / 3.0), at_last - slope(last) * (1.0 / 3.0));
     let is_below = [at_first, second, third, at_last].iter().all(|c| *c < -SURELY);
     if is_below { Estimate::Past } else { Estimate::Unsure }
 }
 
-/// Where the ray meets the inside of a trilinear interpolation.
+/// Hit of the ray with the inside of a trilinear interpolation.
 #[inline(never)]
 fn meet_corners(corners: [i8; CORNERS], ray: &Ray, passage: &Passage) -> Option<Hit> {
     let (from, d) = (from_middle(ray, passage.cell), ray.direction());
@@ -323,18 +324,18 @@ fn meet_corners(corners: [i8; CORNERS], ray: &Ray, passage: &Passage) -> Option<
     Some(Hit { box_number, cell, edge_log2, face: None, t: t_enter + along * (t_leave - t_enter) })
 }
 
-/// Interpolation between eight corners: sums of products of coordinates, the factors by the bits of the index.
+/// Interpolation between eight corners: coefficients of products of coordinates, which the bits of the index select.
 struct Trilinear([f64; CORNERS]);
 
 /// Steps of the search for a root, each at least halving an interval or far better.
 const ROOT_STEPS: u32 = 40;
-/// Where the search may end, in parts of the way through the cell.
+/// Width at which the search ends, as a part of the way through the cell.
 const ROOT_CLOSE: f64 = 1.0 / (1_u64 << 32) as f64;
 
 impl Trilinear {
     fn new(corners: [i8; CORNERS]) -> Self {
-        // Of corners at -1 and 1: the coefficient of a product is the mean of the corners with its signs.
-        // Axis by axis: sums, and differences of the high and the low one.
+        // For corners at -1 and 1, the coefficient of a product is the mean of the corners with its signs. Computed
+        // axis by axis: sums, and differences of the high and the low one.
         let mut sums = corners.map(i32::from);
         for axis in 0..3 {
             let before = sums;
@@ -363,14 +364,15 @@ impl Trilinear {
         ]
     }
 
-    /// The first place from `first` (0), where the value is below 0, to `last` (1) where it is not.
+    /// The first position with a value of at least 0 on the way from `first` (0), where it is negative, to `last` (1),
+    /// where it is not.
     fn first_inside(&self, first: [f64; 3], last: [f64; 3]) -> Option<f64> {
         let step: [f64; 3] = std::array::from_fn(|a| last[a] - first[a]);
         let place = |s: f64| -> [f64; 3] {
             if s == 1.0 { last } else { std::array::from_fn(|a| first[a] + s * step[a]) }
         };
         let value = |s: f64| self.at(place(s));
-        // The derivative along the way is a quadratic: where it vanishes the value turns.
+        // The derivative along the way is a quadratic: the value turns at its zeros.
         let slope = |s: f64| {
             let g = self.gradient(place(s));
             g[0] * step[0] + g[1] * step[1] + g[2] * step[2]
@@ -391,7 +393,7 @@ impl Trilinear {
     }
 }
 
-/// Places between 0 and 1, rising, where a quadratic with these values at 0, 1/2 and 1 vanishes; 1 for none.
+/// Zeros between 0 and 1, rising, of a quadratic with these values at 0, 1/2 and 1; 1 for a missing one.
 fn turns(first: f64, middle: f64, last: f64) -> [f64; 2] {
     let a = 2.0 * (first + last) - 4.0 * middle;
     let b = last - first - a;
@@ -400,13 +402,13 @@ fn turns(first: f64, middle: f64, last: f64) -> [f64; 2] {
     if discriminant < 0.0 {
         return [1.0; 2];
     }
-    // Without cancellation: one root by the sum of like signs, the other by their product.
+    // Without cancellation: one root by the sum of terms with like signs, the other by their product.
     let sum = -0.5 * (b + discriminant.sqrt().copysign(b));
     let (one, other) = (within(sum / a), within(first / sum));
     if one < other { [one, other] } else { [other, one] }
 }
 
-/// Where a function that rises from below 0 at `low` to 0 or more at `high` does so.
+/// Position where a function that rises from below 0 at `low` to 0 or more at `high` reaches 0.
 fn root(low: f64, high: f64, value: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (low, high);
     let mut at = 0.5 * (low + high);
@@ -479,7 +481,7 @@ mod tests {
                     assert!(got <= want + 1e-9 && at(got).abs() < 1e-5, "{corners:?} {got} {want}");
                     hits += 1;
                 }
-                // A touch between two steps.
+                // A touching point between two steps.
                 (Some(got), None) => assert!(at(got).abs() < 1e-5),
                 (None, Some(want)) => panic!("{corners:?} {first:?} {last:?} {want}"),
                 (None, None) => {}

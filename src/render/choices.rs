@@ -1,6 +1,6 @@
-//! What is asked of a picture's light, normals and samples.
+//! Choices for a picture's light, normals and samples.
 
-/// Declares choices with the names that they have on the command line and in reports.
+/// Declares choices with their names on the command line and in reports.
 macro_rules! choices {
     ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$doc])*
@@ -11,10 +11,10 @@ macro_rules! choices {
         }
 
         impl $name {
-            /// Every one.
+            /// All choices.
             pub const ALL: &'static [Self] = &[$(Self::$variant),+];
 
-            /// Its name on the command line and in reports.
+            /// Name on the command line and in reports.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $text,)+
@@ -29,18 +29,18 @@ choices! {
     Shading {
         /// One lamp at the eye.
         Plain = "plain",
-        /// A key lamp, a lamp at the eye and the sky; hollows turn dark by one far ray a pixel.
+        /// A key lamp, a lamp at the eye and the sky; hollows turn dark by one ambient-occlusion ray a pixel.
         #[default]
         Soft = "soft",
         /// One lamp at the eye, and ambient occlusion: hollows turn dark, ridges stay bright.
         Ao = "ao",
-        /// No light: colours as they are, which a legend of values tells.
+        /// No light: unshaded colours, which match a legend of values.
         Flat = "flat",
     }
 }
 
 choices! {
-    /// Rays of a pixel's colours. Depths, normals and numbers of boxes are those of the ray through its middle.
+    /// Rays of a pixel's colours. Depths, normals and numbers of boxes come from the ray through its middle.
     Samples {
         /// Eight where neighbouring pixels differ in depth or normal, else one.
         #[default]
@@ -57,26 +57,27 @@ choices! {
 }
 
 choices! {
-    /// Which normals are shown.
+    /// The displayed normals.
     Smoothing {
-        /// Those that are stored of the boxes that are hit.
+        /// Stored normals of the boxes that are hit.
         Stored = "stored",
         /// For cells, the mean over the cells around that belong to the same surface; for voxels, the stored ones.
         #[default]
         Smooth = "smooth",
-        /// Normals of voxels, too, are blended between the boxes around a hit: smoother close-ups, some microseconds a pixel.
+        /// As `Smooth`, and normals of voxels are blended between the boxes around a hit: smoother close-ups, some
+        /// microseconds a pixel.
         Blended = "blended",
     }
 }
 
-/// Places along each axis where rays of a pixel may go through it.
+/// Subpixels along each axis of a pixel, through which its rays may go.
 pub(crate) const PLACES: usize = 8;
 
-/// Rows of eight rooks that do not threaten each other, column by column.
+/// Rows of eight rooks that do not attack each other, column by column.
 const ROOKS: [usize; PLACES] = [4, 1, 6, 3, 0, 7, 2, 5];
 
 impl Samples {
-    /// Where the rays of a pixel that has several go through it, as bits of 8 x 8 places: bit `8 y + x`.
+    /// Subpixels for the several rays of a pixel, as bits of 8 x 8 positions: bit `8 y + x`.
     pub(crate) const fn places(self) -> u64 {
         let mut bits = 0;
         let mut x = 0;
@@ -86,7 +87,7 @@ impl Samples {
                 Self::Auto => 1 << (PLACES * ROOKS[x] + x),
                 Self::Sixteen => 1 << (PLACES * ROOKS[x] + x) | 1 << (PLACES * ((ROOKS[x] + 4) % 8) + x),
                 Self::SixtyFour => 0x0101_0101_0101_0101 << x,
-                // A square, turned.
+                // A rotated square.
                 Self::Four => match x {
                     1 => 1 << (PLACES * 4 + x),
                     3 => 1 << (PLACES + x),
@@ -105,8 +106,8 @@ impl Samples {
 mod tests {
     use super::*;
 
-    /// Rays of a pixel are as many as they are said to be, their mean is its middle, and no row or column has more than its
-    /// share.
+    /// A pixel has the stated number of rays, their mean is its middle, and rays are evenly spread over rows and
+    /// columns.
     #[test]
     fn rays_of_a_pixel_are_spread_evenly() {
         for (samples, count) in

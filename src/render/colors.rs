@@ -1,4 +1,4 @@
-//! The colour of what was hit: that of a voxel, or the mean of some voxels of a coarser box.
+//! The colour at a hit: the colour of a voxel, or the mean of some voxels of a coarser box.
 
 use super::normals::shown::PixelHit;
 use super::shade::Shader;
@@ -13,7 +13,7 @@ pub(crate) fn has_colors(view: &ModelView<'_>) -> bool {
     view.voxel_color(VoxelIndex::new(0)).is_some()
 }
 
-/// Linear RGB of what was hit, if the model has colours.
+/// Linear RGB at a hit, if the model has colours.
 pub(crate) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) -> Option<[f64; 3]> {
     if !has_colors(view) {
         return None;
@@ -22,7 +22,7 @@ pub(crate) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) ->
     if seen.is_finest() {
         return view.voxel_color(at.voxel(view.node_count())).map(|color| shader.decode(color));
     }
-    // Voxels of a box follow each other.
+    // Voxels of a box have consecutive numbers.
     let (first, last) = (end(view, at, false)?, end(view, at, true)?);
     let step = last.saturating_sub(first) / MAX + 1;
     let (mut sum, mut count) = ([0.0; 3], 0.0);
@@ -36,7 +36,8 @@ pub(crate) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) ->
     (count > 0.0).then(|| sum.map(|c| c / count))
 }
 
-/// The number of the label of what was hit, if the model has labels: that of a voxel, or of the first of a coarser box.
+/// The number of the label at a hit, if the model has labels: the label of a voxel, or of the first one of a coarser
+/// box.
 pub(crate) fn label_of(view: &ModelView<'_>, seen: PixelHit) -> Option<u16> {
     let labels = view.labels()?;
     Some(first_voxel(view, seen).and_then(|voxel| labels.get(voxel)).unwrap_or(0))

@@ -1,4 +1,4 @@
-//! Why a picture cannot be made, as a value with its sentence.
+//! Errors of making a picture, as values with their sentences.
 
 use std::fmt;
 use std::io;
@@ -18,7 +18,7 @@ opaque_error! {
     RenderError(RenderFault)
 }
 
-/// Why, with its sentence.
+/// Fault of a picture, with its sentence.
 #[derive(Debug, Error)]
 pub(crate) enum RenderFault {
     #[error(transparent)]
@@ -148,7 +148,7 @@ impl RenderFault {
 }
 
 impl RenderError {
-    /// The smallest cap that works, in bytes, if the memory was too small.
+    /// The smallest sufficient memory cap in bytes, if the memory was too small.
     pub fn minimum_bytes(&self) -> Option<u64> {
         match self.fault() {
             RenderFault::Memory { minimum_bytes, .. } => Some(*minimum_bytes),

@@ -1,4 +1,4 @@
-//! Letters for what is written into pictures: outlines of the embedded font, as coverage of pixels.
+//! Letters for text in pictures: outlines of the embedded font, as coverage of pixels.
 //!
 //! The font is a part of DejaVu Sans Condensed: Latin, Greek and Cyrillic (`letters/LICENSE`).
 
@@ -6,14 +6,14 @@ use ab_glyph::{Font, FontRef, Glyph, PxScaleFont, ScaleFont, point};
 
 static FILE: &[u8] = include_bytes!("letters/letters.ttf");
 
-/// What stands for letters that were left out.
+/// Replacement for omitted letters.
 const CUT: char = '…';
 
 /// The font at a size.
 pub(super) struct Letters(PxScaleFont<FontRef<'static>>);
 
 impl Letters {
-    /// With so many pixels to an em.
+    /// The font at a size in pixels per em.
     pub(super) fn new(size: f64) -> Option<Self> {
         let font = FontRef::try_from_slice(FILE).ok()?;
         #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
@@ -21,17 +21,17 @@ impl Letters {
         Some(Self(font.into_scaled(scale)))
     }
 
-    /// Pixels that a text is wide.
+    /// Width of a text in pixels.
     pub(super) fn width(&self, text: &str) -> f64 {
         text.chars().map(|c| f64::from(self.0.h_advance(self.0.glyph_id(c)))).sum()
     }
 
-    /// Does the font have all letters of a text?
+    /// True if the font has all letters of a text.
     pub(super) fn knows(&self, text: &str) -> bool {
         text.chars().all(|c| self.0.glyph_id(c).0 != 0)
     }
 
-    /// A text, cut to so many pixels.
+    /// A text cut to a width in pixels.
     pub(super) fn cut(&self, text: &str, most: f64) -> String {
         if self.width(text) <= most {
             return text.to_owned();
@@ -46,7 +46,7 @@ impl Letters {
         kept
     }
 
-    /// Gives the part of each pixel that a text covers which begins at x on the line y.
+    /// Calls `put` with the covered part of each pixel of a text that begins at x on the baseline y.
     pub(super) fn cover(&self, text: &str, [x, y]: [f64; 2], put: &mut dyn FnMut([i64; 2], f32)) {
         #[expect(clippy::cast_possible_truncation, reason = "places in a picture")]
         let (mut x, y) = (x as f32, y.round() as f32);
@@ -67,7 +67,8 @@ impl Letters {
 mod tests {
     use super::*;
 
-    /// Ink is within the text's width and above its line but for tails; an I is as wide as its stem everywhere.
+    /// Ink is within the text's width and above its baseline except for descenders; an I has the width of its stem
+    /// everywhere.
     #[test]
     fn letters_are_where_they_are_written() {
         let letters = Letters::new(40.0).unwrap();

@@ -10,44 +10,45 @@ use crate::atomic::AtomicFile;
 use crate::mark::{KEYWORD, PROGRAM};
 use crate::render::RenderFault;
 
-/// Pictures of more pixels than thumbnails have are compressed fast: a quarter to a third larger, in a twentieth to
-/// a fortieth of the time, which was longer than that of tracing them. Every row by the same filter: choosing the best
-/// for each takes as long as all the rest, for 2 % fewer bytes.
+/// Pictures with more pixels than thumbnails are compressed fast: a quarter to a third larger, in a twentieth to a
+/// fortieth of the time, which was longer than tracing them. All rows use one filter: choosing the best for each takes
+/// as long as all the rest, for 2 % fewer bytes.
 const MAX_SMALL: u64 = 1 << 18;
 
-/// How hard smaller pictures are compressed. Of a thumbnail of 256^2, in ms and bytes: level 3 5.1 and 40,264, the usual
+/// Compression level of smaller pictures. For a thumbnail of 256^2, in ms and bytes: level 3 5.1 and 40,264, the usual
 /// 6 16.6 and 38,220, 2 3.4 and 42,618, fast .7 and 51,073; all the rest of making it takes some 30 ms.
 const SMALL_LEVEL: png::DeflateCompression = png::DeflateCompression::Level(3);
 
-/// How fast palettes of GIF are chosen, 1 to 30: at 10 from a tenth of the pixels.
+/// Speed of choosing palettes of GIF, 1 to 30: at 10 from a tenth of the pixels.
 const GIF_SPEED: i32 = 10;
 
-/// Hundredths of a second below which browsers show a picture of a GIF for ten of them.
+/// Least delay in hundredths of a second; browsers replace shorter ones by ten.
 const MIN_DELAY: u16 = 2;
 
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
-    /// Pixels in a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// sRGB with straight alpha; the background is 0, 0, 0, 0.
     pub rgba: Vec<u8>,
-    /// Depth, when asked for: 0 for background, else 1..=65535 from the nearest to the farthest depth of
-    /// the model, evenly (the report states both in mm; depth is along the camera's forward axis).
+    /// Depth, if requested: 0 for background, else 1..=65535 from the nearest to the farthest depth of the model,
+    /// evenly (the report states both in mm; depth is along the camera's forward axis).
     pub depth: Option<Vec<u16>>,
-    /// World normals, when asked for: each component from -1..=1 to 1..=255, 128 for 0; background 0, 0, 0.
+    /// World normals, if requested: each component from -1..=1 to 1..=255, 128 for 0; background 0, 0, 0.
     pub normals: Option<Vec<u8>>,
-    /// Three numbers of 16 bits a pixel, when asked for: together 48 bits, the highest first, the breadth-first number of
-    /// the box that was hit (SPEC 2: nodes before voxels), plus 1; of a model of labels the number of the label; background 0.
+    /// Three numbers of 16 bits a pixel, if requested, together 48 bits, the highest first: the breadth-first number of
+    /// the box that was hit (SPEC 2: nodes before voxels), plus 1; for a model of labels the number of the label;
+    /// background 0.
     pub ids: Option<Vec<u16>>,
 }
 
 impl Image {
     /// Writes the picture as a PNG with a transparent background.
     ///
-    /// The file appears whole or not at all: it is written next to its place and renamed.
+    /// The file appears whole or not at all: it is written under another name in its folder and renamed.
     ///
     /// # Errors
     /// [`RenderError`] when the folder is missing or the disk refuses.
@@ -55,7 +56,7 @@ impl Image {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Color)
     }
 
-    /// Writes the picture as a PNG to anything, such as a `Vec<u8>`: the bytes of [`Image::write_png`].
+    /// Writes the picture as a PNG to any writer, such as a `Vec<u8>`: the bytes of [`Image::write_png`].
     ///
     /// ```
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -71,7 +72,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// Those of `out`, and of a picture whose pixels are not as many as its sides say.
+    /// The errors of `out`, or a picture whose number of pixels does not match its sides.
     pub fn write_png_to(&self, out: impl Write) -> io::Result<()> {
         let mut writer = encoder(out, PngLayer::Color, [self.width, self.height])?.write_header()?;
         let mut rows = writer.stream_writer_with_size(CHUNK)?;
@@ -83,7 +84,7 @@ impl Image {
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
-    /// [`RenderError`] when the picture was made without depth; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without depth; else the errors of [`Image::write_png`].
     pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Depth)
     }
@@ -91,7 +92,7 @@ impl Image {
     /// Writes the normals as an RGB PNG.
     ///
     /// # Errors
-    /// [`RenderError`] when the picture was made without normals; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without normals; else the errors of [`Image::write_png`].
     pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Normals)
     }
@@ -99,12 +100,12 @@ impl Image {
     /// Writes the numbers of boxes as a 16-bit RGB PNG.
     ///
     /// # Errors
-    /// [`RenderError`] when the picture was made without them; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without them; else the errors of [`Image::write_png`].
     pub fn write_ids_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
     }
 
-    /// Puts an opaque background (sRGB) behind the colours; pixels that are half covered are mixed in linear light.
+    /// Puts an opaque background (sRGB) behind the colours; partly covered pixels are mixed in linear light.
     pub(crate) fn lay_on(&mut self, background: [u8; 3]) {
         let shader = Shader::new();
         let behind = shader.decode(background);
@@ -122,7 +123,7 @@ impl Image {
         }
     }
 
-    /// An empty picture of this size; with depth, normals and numbers of boxes?
+    /// An empty picture of this size, with the layers that are true: depth, normals, numbers of boxes.
     pub(crate) fn blank([width, height]: [u32; 2], [depth, normals, ids]: [bool; 3]) -> Self {
         let mut image = Self {
             width,
@@ -136,12 +137,12 @@ impl Image {
         image
     }
 
-    /// Which layers it has besides colours, as [`Image::blank`] takes them.
+    /// Layers besides colours, in the form that [`Image::blank`] takes.
     pub(crate) fn layers(&self) -> [bool; 3] {
         [self.depth.is_some(), self.normals.is_some(), self.ids.is_some()]
     }
 
-    /// This picture, and another one of its height and layers on its right.
+    /// This picture with another one of its height and layers on its right.
     pub(crate) fn beside(&self, other: &Self) -> Self {
         fn rows<T: Copy>([one, other]: [&[T]; 2], [wide, high]: [u32; 2], more: u32, items: usize) -> Vec<T> {
             let side = |pixels: u32| pixels as usize * items;
@@ -166,14 +167,14 @@ impl Image {
         }
     }
 
-    /// Writes a layer to a file begun before.
+    /// Writes a layer to a file that was begun before.
     pub(crate) fn write_layer_to(&self, file: ImageFile, layer: PngLayer) -> Result<(), RenderError> {
         let mut rows = PngRows::begin(file, layer, [self.width, self.height])?;
         rows.put(self)?;
         rows.finish()
     }
 
-    /// Empties the picture, and gives it so many rows.
+    /// Empties the picture, and gives it this many rows.
     pub(crate) fn clear(&mut self, rows: u32) {
         let pixels = self.width as usize * rows as usize;
         self.height = rows;
@@ -183,7 +184,7 @@ impl Image {
         self.ids.iter_mut().for_each(|ids| refill(ids, pixels * 3, 0));
     }
 
-    /// Makes room for so many rows in all.
+    /// Reserves memory for this many rows in total.
     pub(crate) fn reserve(&mut self, rows: u32) {
         let pixels = self.width as usize * rows as usize;
         self.rgba.reserve_exact(pixels * 4);
@@ -206,11 +207,11 @@ impl Image {
         add(&mut self.ids, &part.ids);
     }
 
-    /// Writes `count` pictures of one size that take so many milliseconds together, over and over: as a GIF if the file's name
-    /// says so, else as an animated PNG.
+    /// Writes `count` pictures of one size as an endless loop of `all_ms` milliseconds: a GIF if the file's name ends
+    /// so, else an animated PNG.
     ///
-    /// Pixels of a GIF are transparent or not, so without a background it gets a white one; each picture has a palette of
-    /// its own.
+    /// Pixels of a GIF are transparent or opaque, so without a background it gets a white one; each picture has its own
+    /// palette.
     pub(crate) fn write_frames_to<E: From<RenderError>>(
         file: ImageFile,
         [width, height]: [u32; 2],
@@ -264,7 +265,7 @@ impl Image {
     }
 }
 
-/// Makes a vector so many times an item, in the memory that it has.
+/// Fills a vector with `count` copies of an item, reusing its memory.
 pub(super) fn refill<T: Copy>(items: &mut Vec<T>, count: usize, item: T) {
     items.clear();
     items.resize(count, item);
@@ -309,7 +310,7 @@ fn encoder<W: Write>(
         encoder.set_deflate_compression(SMALL_LEVEL);
         encoder.set_filter(png::Filter::Adaptive);
     }
-    // It lies in the folder of its volume as often as not, and must not become a slice of it.
+    // It often lies in the folder of its volume, and must not be taken for a slice of it.
     encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into())?;
     if layer == PngLayer::Color {
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
@@ -317,10 +318,10 @@ fn encoder<W: Write>(
     Ok(encoder)
 }
 
-/// Bytes of compressed pixels that are written together.
+/// Bytes of compressed pixels written together.
 const CHUNK: usize = 64 << 10;
 
-/// A layer on its way into a file, some rows after the others.
+/// A layer on its way into a file, in batches of rows.
 pub(crate) struct PngRows {
     layer: PngLayer,
     writer: png::StreamWriter<'static, File>,
@@ -348,7 +349,7 @@ impl PngRows {
     /// Adds the rows of a part of the picture.
     ///
     /// # Errors
-    /// [`RenderError`] when the part is without this layer; else as [`PngRows::begin`].
+    /// [`RenderError`] when the part lacks this layer; else the errors of [`PngRows::begin`].
     pub(crate) fn put(&mut self, part: &Image) -> Result<(), RenderError> {
         let words = |writer: &mut png::StreamWriter<'_, File>, words: &[u16]| {
             words.chunks(CHUNK / 2).try_for_each(|words| {
@@ -368,7 +369,7 @@ impl PngRows {
         written.map_err(|cause| RenderError::from(RenderFault::Write { path: self.path.clone(), cause }))
     }
 
-    /// Puts the file in its place, which all rows have been given to.
+    /// Moves the file to its place after all rows are written.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { writer, path, file, .. } = self;
         let written = writer.finish().map_err(io::Error::from).and_then(|()| file.commit());
@@ -376,7 +377,7 @@ impl PngRows {
     }
 }
 
-/// An image's file before it has its name: what keeps it from being written shows when it is begun.
+/// An image's file before it has its name: failures to write show when it is begun.
 #[derive(Debug)]
 pub(crate) struct ImageFile {
     path: PathBuf,
@@ -395,7 +396,7 @@ impl ImageFile {
         }
     }
 
-    /// Writes the bytes and puts the file in its place.
+    /// Writes the bytes and moves the file to its place.
     fn fill(self, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), RenderError> {
         let Self { path, file } = self;
         let write = || -> io::Result<()> {

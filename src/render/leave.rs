@@ -1,20 +1,21 @@
-//! Rays that start at a surface: where they leave the boxes around the one that was hit.
+//! Rays that start at a surface: their exit from the boxes around the one that was hit.
 //!
-//! That border lies between boxes, so it is exact in the ray's integers, and no ray meets the box that it comes from.
-//! A surface of boxes is a stair, whose own steps are not obstacles: where nothing else identifies them, a few boxes on every
-//! side are left as well ([`REACH`]), and no small length is chosen that would be too long here and too short there.
+//! That border lies between boxes, so it is exact in the ray's integers, and a ray never hits the box that it comes
+//! from. A surface of boxes is a staircase, whose own steps are not obstacles: where nothing else identifies them, a
+//! few boxes on every side are left as well ([`REACH`]), without a small length that would be too long in one place and
+//! too short in another.
 
 use super::ray::Ray;
 use super::space::GridSpace;
 use super::traverse::Hit;
 
-/// Boxes on every side of the one that was hit that its rays are not stopped by.
+/// Boxes on every side of a hit box that do not stop rays from it.
 pub(crate) const REACH: u32 = 2;
 
-/// The part of the line `origin + t * direction` of the world from where it leaves a hit's box and `reach` boxes on
-/// every side of it, and t there; the ray's own parameter counts from that place. `None` where that is outside the grid.
+/// The part of the world line `origin + t * direction` from its exit from a hit's box and `reach` boxes on every side
+/// of it, and t there; the ray's own parameter counts from that point. `None` if it is outside the grid.
 ///
-/// The line is to pass through those boxes, or near them.
+/// The line should pass through those boxes, or near them.
 pub(crate) fn leaving(
     space: &GridSpace,
     (hit, reach): (&Hit, u32),

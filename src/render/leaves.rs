@@ -1,7 +1,7 @@
 //! A ray and a larger leaf: a plane in a box of 2 to 32 cells (SPEC 4.9).
 //!
-//! As with cells, a ray meets the leaf where it is inside as it enters the box, and else where it has come to be inside on
-//! its way; both are decided in integers. Boxes 32 times as long bring sums from 2^53 to 2^58.
+//! As with cells, a ray hits the leaf where it is inside as it enters the box, or else where it comes to be inside on
+//! its way; both are decided in integers. Boxes 32 times as long raise sums from 2^53 to 2^58.
 
 use crate::format::cell::Plane;
 use crate::geom::NodeIndex;
@@ -14,7 +14,7 @@ use super::surface::{Approach, Estimate};
 use super::traverse::Hit;
 use crate::render::cells::{larger, smaller};
 
-/// Where a ray meets the larger leaf of a node, whose box of edge `2^edge_log2` is at the mirrored cell `low`.
+/// Hit of a ray with the larger leaf of a node, whose box of edge `2^edge_log2` is at the mirrored cell `low`.
 #[inline(never)]
 pub(super) fn meet(
     view: &ModelView<'_>,
@@ -28,8 +28,8 @@ pub(super) fn meet(
     meet_plane(&view.leaf_plane(NodeIndex::new(node)), ray, &passage)
 }
 
-/// The answer of [`meet`] where that is certain without knowing when the ray passes through the box; the approach is that to
-/// the box's lowest cell, in mirrored coordinates.
+/// The result of [`meet`] where it is certain without the times of passing through the box; `approach` is the approach
+/// to the box's lowest cell, in mirrored coordinates.
 #[inline(always)]
 pub(super) fn predict(plane: &Plane, approach: &Approach, edge_log2: u32) -> Estimate {
     let edge = f64::from(1_u32.wrapping_shl(edge_log2));
@@ -41,10 +41,10 @@ pub(super) fn predict(plane: &Plane, approach: &Approach, edge_log2: u32) -> Est
         let n = f64::from(plane.normal[A]);
         if approach.mirror >> A & 1 == 1 { -n } else { n }
     });
-    // How far in front of the plane the ray starts, and its change along the ray: whole numbers below 2^46, exact.
+    // Distance of the ray's start in front of the plane, and its change along the ray: integers below 2^46, exact.
     let start = n[0] * from[0] + n[1] * from[1] + n[2] * from[2] - f64::from(plane.offset) * half_box;
     let slope = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-    // Where it crosses the plane, from the middle and times the slope's size.
+    // Crossing with the plane, from the middle and times the slope's size.
     let at = each3!(A => d[A] * start - from[A] * slope);
     let half = half_box * slope.abs();
     let farthest = larger(larger(at[0], at[1]), at[2]);

@@ -1,10 +1,10 @@
 //! The line of a ray against the 4 x 4 x 4 boxes of a brick: the one test of all traversals.
 //!
-//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: how far p is from the line in the
-//! projection onto a and b. A square of edge 1 around p is intersected by the line if and only if
-//! `|e| <= (d_a + d_b) / 2`, and a box if and only if its three projections are. So three planes of 16 cells give 64 bits.
+//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: the distance of p from the line
+//! in the projection onto a and b. A square of edge 1 around p is intersected by the line if and only if `|e| <= (d_a +
+//! d_b) / 2`, and a box if and only if its three projections are. So three planes of 16 cells give 64 bits.
 //!
-//! All that is an over-estimate in singles; at the last level [`super::mirrored_ray`] decides in integers.
+//! This is an over-estimate in singles; at the last level [`super::mirrored_ray`] decides in integers.
 
 use crate::cpu::{Lanes, SINGLES, Truths};
 
@@ -12,13 +12,13 @@ use super::mirrored_ray::MirroredRay;
 use super::occupancy::{PAIRS, at_least, extrude};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
 
-/// How far an estimate may be off, in edges of the boxes compared and for directions of at most 1: the
-/// quantisation of a ray moves it by less than 2^-13, singles err by 2^-19.
+/// Error bound of an estimate, in edges of the boxes compared and for directions of at most 1: the quantisation of a
+/// ray moves it by less than 2^-13, singles err by 2^-19.
 pub(super) const SLACK: f32 = 1.0 / 4096.0;
 
 /// Offset of a plane's cells from its middle along the first axis of a pair, in Morton order.
 pub(super) const ALONG_A: [f32; SINGLES] = offsets(0);
-/// The same along the second axis.
+/// Offset of a plane's cells from its middle along the second axis of a pair, in Morton order.
 pub(super) const ALONG_B: [f32; SINGLES] = offsets(1);
 
 const fn offsets(axis: usize) -> [f32; SINGLES] {
@@ -32,7 +32,7 @@ const fn offsets(axis: usize) -> [f32; SINGLES] {
     offsets
 }
 
-/// e of a plane's cells less that of its middle, by pair, for a direction.
+/// Difference of e between a plane's cells and its middle, by pair, for a direction.
 #[inline(always)]
 pub(super) fn slopes<L: Lanes>(l: L, direction: [L::F; 3]) -> [L::F; 3] {
     let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
@@ -44,17 +44,18 @@ pub(super) fn slopes<L: Lanes>(l: L, direction: [L::F; 3]) -> [L::F; 3] {
 }
 
 /// Boxes of a brick whose projections along one axis a line intersects, in edges of these boxes: `middle` is e of the
-/// brick's middle, `half` half the width of a cell's projection. The boxes of all three pairs are those intersected.
+/// brick's middle, `half` half the width of a cell's projection. A box in the results of all three pairs is
+/// intersected.
 ///
-/// One pair at a time: e of all three made before the first is compared costs a batch of rays a sixth of its speed.
+/// One pair at a time: computing e of all three before the first comparison costs a batch of rays a sixth of its speed.
 #[inline(always)]
 pub(super) fn intersected<L: Lanes>(l: L, pair: usize, middle: f32, slope: L::F, half: f32) -> u64 {
     let beside = l.f_abs(l.f(middle) + slope);
     extrude(l, pair, l.f_le(beside, l.f(half)).bits())
 }
 
-/// A ray's line as estimates see it: mirrored coordinates, in edges of the finest boxes that are looked at; the direction
-/// is scaled to at most 1.
+/// A ray's line for estimates: mirrored coordinates, in edges of the finest boxes tested; the direction is scaled to at
+/// most 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     origin: [f64; 3],
@@ -68,7 +69,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// A line that is replaced before it is looked at.
+    /// Placeholder line.
     pub(super) const NONE: Self = Self {
         origin: [0.0; 3],
         direction: [0.0; 3],

@@ -1,14 +1,13 @@
-//! The exact question: does a ray pass through a box, and where?
+//! The exact test of a ray passing through a box, with its crossings.
 //!
-//! In mirrored coordinates all components are >= 0, so a box is entered by its low planes and left by its
-//! high ones. With `n = low - origin` and C the box's edge, axis a is entered after `n_a / d_a` and left
-//! after `(n_a + C) / d_a`. The ray passes through the box if every axis is entered before any is left,
-//! simultaneous crossings being taken in the order x, y, z (see `traverse`). For a < b that is
-//! `-C d_b < n_a d_b - n_b d_a <= C d_a`; and the box must not lie behind the origin: `n > -C`. An axis
-//! along which the ray does not move must hold it: `n <= 0`.
+//! In mirrored coordinates all components are >= 0, so a box is entered by its low planes and left by its high ones.
+//! With `n = low - origin` and C the box's edge, axis a is entered after `n_a / d_a` and left after `(n_a + C) / d_a`.
+//! The ray passes through the box if every axis is entered before any is left, simultaneous crossings being taken in
+//! the order x, y, z (see `traverse`). For a < b that is `-C d_b < n_a d_b - n_b d_a <= C d_a`; and the box must not
+//! lie behind the origin: `n > -C`. Along an axis without motion the ray must be within the box: `n <= 0`.
 //!
-//! Products wrap: near the ray, where the answer can be yes, they do not, as `ray` proves; far from it the
-//! estimate that led here has said no.
+//! Products wrap: near the ray, where the answer can be yes, they do not, as `ray` proves; far from it the preceding
+//! estimate has excluded the box.
 
 use super::ray::{FRACTION_BITS, Ray};
 use super::surface::{Crossing, Passage};
@@ -20,12 +19,12 @@ pub(super) struct MirroredRay {
     depth: u32,
     pub(super) origin: [i64; 3],
     pub(super) direction: [i64; 3],
-    /// Axes that are mirrored: those along which the ray runs backwards.
+    /// Mask of the mirrored axes, along which the ray runs backwards.
     pub(super) mirror: u32,
 }
 
 impl MirroredRay {
-    /// A ray that goes nowhere, to be replaced.
+    /// Placeholder ray.
     pub(super) const NONE: Self = Self { depth: 0, origin: [0; 3], direction: [0; 3], mirror: 0 };
 
     #[inline]
@@ -34,7 +33,7 @@ impl MirroredRay {
         let (mut origin, mut direction) = (ray.origin(), ray.direction());
         let mut mirror = 0;
         for a in 0..3 {
-            // The signs of rays without neighbours cannot be predicted: -1 or 0 instead of a branch.
+            // The signs of rays without neighbours are unpredictable: -1 or 0 instead of a branch.
             let back = direction[a] >> 63;
             origin[a] = (origin[a] ^ back).wrapping_sub(back).wrapping_add(far & back);
             direction[a] = (direction[a] ^ back).wrapping_sub(back);
@@ -43,13 +42,13 @@ impl MirroredRay {
         Self { depth: ray.depth(), origin, direction, mirror }
     }
 
-    /// From the origin to the low planes of a mirrored cell.
+    /// Vector from the origin to the low planes of a mirrored cell.
     #[inline(always)]
     fn to(&self, low: [u32; 3]) -> [i64; 3] {
         std::array::from_fn(|a| (i64::from(low[a]) << FRACTION_BITS).wrapping_sub(self.origin[a]))
     }
 
-    /// Does the ray pass through the box of edge `2^edge_log2` at the mirrored cell `low`?
+    /// True if the ray passes through the box of edge `2^edge_log2` at the mirrored cell `low`.
     #[inline]
     pub(super) fn enters(&self, low: [u32; 3], edge_log2: u32) -> bool {
         let edge = 1_i64.wrapping_shl(edge_log2 + FRACTION_BITS);
@@ -70,7 +69,7 @@ impl MirroredRay {
         true
     }
 
-    /// The way through the box of edge `2^edge_log2` at the mirrored cell `low`, if there is one.
+    /// The way through the box of edge `2^edge_log2` at the mirrored cell `low`; `None` if the ray misses it.
     #[inline]
     pub(super) fn passage(&self, box_number: u64, low: [u32; 3], edge_log2: u32) -> Option<Passage> {
         if !self.enters(low, edge_log2) {
@@ -103,7 +102,7 @@ impl MirroredRay {
 }
 
 impl Crossing {
-    /// Is this crossing earlier than another, by cross-multiplication?
+    /// True if this crossing is earlier than another, by cross-multiplication.
     #[inline]
     pub(crate) fn is_before(&self, other: &Self) -> bool {
         self.distance.wrapping_mul(other.component) < other.distance.wrapping_mul(self.component)

@@ -32,7 +32,7 @@
 //!
 #![doc = include_str!("TRAVERSAL.md")]
 
-/// Adds fields of `other` to those of `$sum`.
+/// Adds fields of `other` to the same fields of `$sum`.
 macro_rules! add_counts {
     ($sum:ident, $other:ident: $($field:ident),+) => {{
         $($sum.$field += $other.$field;)+
@@ -40,8 +40,8 @@ macro_rules! add_counts {
 }
 pub(crate) use add_counts;
 
-/// An array of an expression of 0, 1 and 2: axes, or pairs of axes. Not a closure: a closure over vectors is inlined too
-/// late, if at all, and then calls a function for every instruction.
+/// An array of an expression of 0, 1 and 2: axes, or pairs of axes. A macro, since a closure over vectors is inlined
+/// too late, if at all, and then calls a function for every instruction.
 macro_rules! each3 {
     ($i:ident => $e:expr) => {
         [

@@ -1,30 +1,29 @@
 //! Two levels of the octree at once: the 4 x 4 x 4 boxes within a node as 64 bits.
 //!
-//! The children of a node stand side by side, and so do all of their children. So one look at a node gives
-//! the infobytes of its children as one 64-bit word; spread to the octants that the node's own infobyte
-//! names they are the occupancy of its grandchildren in Morton order, and grandchild `v` has the number of
-//! the first plus the set bits below `v`.
+//! The children of a node are consecutive, and so are all of their children. So one read at a node gives the infobytes
+//! of its children as one 64-bit word; spread to the octants set in the node's own infobyte they are the occupancy of
+//! its grandchildren in Morton order, and grandchild `v` has the number of the first plus the set bits below `v`.
 
 use crate::geom::NodeIndex;
 use crate::load::{ModelView, NodeView};
 
 use crate::cpu::{Lanes, deposit, mirror_bits};
 
-/// The pairs of axes (a, b), a < b, whose planes a box is projected onto.
+/// The pairs of axes (a, b), a < b, onto whose planes a box is projected.
 pub(super) const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-/// The 64 boxes two levels below a node, as a ray in mirrored coordinates sees them.
+/// The 64 boxes two levels below a node, in the mirrored coordinates of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brick {
-    /// Bit v: is box v, in mirrored Morton order, there? Lowest first is front to back for the ray.
+    /// Bit v is set if box v, in mirrored Morton order, exists. Lowest first is front to back for the ray.
     pub(super) boxes: u64,
-    /// The same as it stands in the file.
+    /// The boxes in stored order.
     pub(super) stored: u64,
     /// Exclusive-or from the mirrored to the stored order.
     pub(super) flip: u32,
     /// Node whose first child is the first of the boxes.
     parent: NodeIndex,
-    /// Boxes that are parts of larger leaves, eight of each, as the ray sees them; and the children of the node.
+    /// Boxes that are parts of larger leaves, eight each, in mirrored order; and the children of the node.
     pub(super) larger: u64,
     children: u8,
 }
@@ -69,7 +68,7 @@ impl Brick {
         view.first_child(self.parent).get()
     }
 
-    /// The larger leaf that box `v` is a part of, and its boxes, all of them.
+    /// The larger leaf that box `v` is a part of, and the mask of all its boxes.
     #[inline]
     pub(super) fn leaf(&self, v: u32) -> (u64, u64) {
         let octant = (v ^ self.flip) >> 3 & 7;
@@ -77,8 +76,8 @@ impl Brick {
         (self.parent.get().wrapping_add(u64::from(before.count_ones())), 0xff_u64.wrapping_shl(v & 56))
     }
 
-    /// The first of the larger leaves in the order of the file, how many there are, and at `places` for each, in that
-    /// order, its lowest box as the ray sees it.
+    /// The first of the larger leaves in file order, their number, and in `places`, in that order, the lowest box of
+    /// each in mirrored order.
     #[inline(always)]
     pub(super) fn leaves(&self, places: &mut [u8; 8]) -> (u64, usize) {
         let as_stored = mirrored(self.larger, self.flip);
@@ -93,14 +92,14 @@ impl Brick {
         (first, count)
     }
 
-    /// `boxes` with the lowest box alone of each larger leaf that has any of them.
+    /// `boxes` with the boxes of each larger leaf reduced to its lowest one.
     #[inline(always)]
     pub(super) fn leaf_by_leaf(&self, boxes: u64) -> u64 {
         let of_leaves = boxes & self.larger;
         boxes ^ of_leaves | (!zero_bytes(of_leaves) & LOWEST)
     }
 
-    /// Boxes before box `v` of the mirrored order, in the stored one.
+    /// Mask, in stored order, of the boxes before box `v` of the mirrored order.
     #[inline(always)]
     pub(super) fn before(&self, v: u32) -> u64 {
         let below = 1_u64.wrapping_shl(v ^ self.flip).wrapping_sub(1);
@@ -119,16 +118,16 @@ fn zero_bytes(word: u64) -> u64 {
     ((not_zero ^ !LOW) >> 7) * 0xff
 }
 
-/// Where four cells of a pair's plane stand in Morton order of space: `LOW` of the cells (a, b) in 0..2
-/// squared, `HIGH` of the quarters of the plane.
+/// Positions of four cells of a pair's plane in Morton order of space: `LOW` for the cells (a, b) in 0..2 squared,
+/// `HIGH` for the quarters of the plane.
 const LOW: [[u64; 4]; 3] = [[0, 1, 2, 3], [0, 1, 4, 5], [0, 2, 4, 6]];
 const HIGH: [[u32; 4]; 3] = [[0, 8, 16, 24], [0, 8, 32, 40], [0, 16, 32, 48]];
 
-/// Factor that repeats a plane's bits along the axis that is not of the pair.
+/// Factor that repeats a plane's bits along the axis outside the pair.
 const REPEAT: [u64; 3] =
     [(1 + (1 << 4)) * (1 + (1 << 32)), (1 + (1 << 2)) * (1 + (1 << 16)), (1 + (1 << 1)) * (1 + (1 << 8))];
 
-/// The bits of 64 that a plane's sixteen come from: those with 0 along the other axis.
+/// The bits of 64 that a plane's sixteen come from: those at 0 along the other axis.
 const PLANE: [u64; 3] = [plane_bits(0), plane_bits(1), plane_bits(2)];
 
 const fn plane_bits(pair: usize) -> u64 {
@@ -152,7 +151,7 @@ const LOW_SPREAD: [[u64; 16]; 3] = {
     spread
 };
 
-/// Sixteen truths of a plane's cells, in Morton order over the pair's two axes, repeated along the third axis: 64 truths
+/// Sixteen flags of a plane's cells, in Morton order over the pair's two axes, repeated along the third axis: 64 flags
 /// in Morton order.
 #[inline(always)]
 pub(super) fn extrude(lanes: impl Lanes, pair: usize, plane: u32) -> u64 {
@@ -165,7 +164,7 @@ pub(super) fn extrude(lanes: impl Lanes, pair: usize, plane: u32) -> u64 {
     once.wrapping_mul(REPEAT[pair])
 }
 
-/// Infobytes of a node's children, lowest byte first, at the octants that `infobyte` names.
+/// Infobytes of a node's children, lowest byte first, spread to the octants set in `infobyte`.
 #[inline(always)]
 pub(super) fn spread_children(lanes: impl Lanes, infobyte: u8, children: u64) -> u64 {
     if let Some(avx2) = lanes.avx2() {
@@ -181,7 +180,7 @@ pub(super) fn spread_children(lanes: impl Lanes, infobyte: u8, children: u64) ->
     spread
 }
 
-/// Bits moved from place i to place `i ^ flip`.
+/// Bits moved from position i to position `i ^ flip`.
 #[inline(always)]
 pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
     const KEEP: [u64; 6] = [
@@ -193,7 +192,7 @@ pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
         0x0000_0000_ffff_ffff,
     ];
     let mut bits = bits;
-    // A tile's rays all have the same mirror, so these branches are foreseen.
+    // A tile's rays all have the same mirror, so these branches are predictable.
     for (i, keep) in KEEP.into_iter().enumerate() {
         if flip >> i & 1 == 1 {
             bits = (bits & keep) << (1 << i) | (bits >> (1 << i)) & keep;
@@ -202,7 +201,7 @@ pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
     bits
 }
 
-/// [`mirrored`] without branches, where the lanes can: for rays whose mirrors differ.
+/// [`mirrored`] without branches, where the lanes support it: for rays with different mirrors.
 #[inline(always)]
 pub(super) fn mirrored_any(lanes: impl Lanes, bits: u64, flip: u32) -> u64 {
     lanes.avx2().map_or_else(|| mirrored(bits, flip), |avx2| mirror_bits(avx2, bits, flip))

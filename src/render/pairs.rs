@@ -1,10 +1,10 @@
-//! Pairs of a ray and a cell with a plane, compared many at a time: what is sure of them, and nothing else.
+//! Pairs of a ray and a cell with a plane, compared many at a time: only certain results are taken.
 //!
 //! # The comparison
 //!
-//! Coordinates are mirrored and in cells, no component of a direction d is above 1. For a cell with its middle at c and
-//! the plane `n . (p - c) = k / 2`, and a line from o along d, let `w = o - c`, `s = n . d`, and e be that of `tile`'s
-//! beam at c. The line crosses the plane at `c + at / -s` with `at = d (n . w - k / 2) - w s`, which is
+//! Coordinates are mirrored and in cells, with components of a direction d of at most 1. For a cell with its middle at
+//! c and the plane `n . (p - c) = k / 2`, and a line from o along d, let `w = o - c`, `s = n . d`, and e be the e of
+//! `tile`'s beam at c. The line crosses the plane at `c + at / -s` with `at = d (n . w - k / 2) - w s`, which is
 //!
 //! ```text
 //! at_x =  n_y e_xy + n_z e_xz - d_x k / 2
@@ -14,7 +14,7 @@
 //!
 //! * *Past* if some `at > |s| / 2`. With s < 0 the ray leaves by that face before the crossing; with s > 0 it enters by
 //!   the opposite one after it; with s = 0 it is in front of the plane all along; where it does not move along the axis
-//!   it runs beside the cell. Wherever it starts, it does not meet what is behind the plane in this cell.
+//!   it runs beside the cell. Wherever it starts, it does not meet the space behind the plane in this cell.
 //! * *Within* if s < 0 and all `|at| < |s| / 2`: the line crosses the plane strictly inside the cell, from the front to
 //!   the back. That is the hit if the crossing lies ahead of the origin. It does for bricks that are not behind
 //!   ([`super::tile`]): either the brick lies beyond all origins along an axis that the ray moves along, or the ray
@@ -22,16 +22,17 @@
 //!
 //! # Slack
 //!
-//! All that is in singles, of the tile's estimates of its rays. Let S be the slack of the beam, at least 2^-12: no e at a
-//! cell near the brick is off by more, nor is a component of d. Then, |n| being 127 by its sum of sizes, the terms of e
-//! are off by 127 S, that of d by 63.5 S, and half of s by 63.5 S; a line near the cell has |e| <= 1 + S, so that no sum
-//! is above 256, and its eight roundings make 2^-13 < S at most. Together that is below 256 S. Comparisons leave
-//! [`SLACKS`] times S: twice as much. What is within that, and cells with corners, is not sure and goes on to integers.
+//! All that is in singles, by the tile's estimates of its rays. Let S be the slack of the beam, at least 2^-12: at a
+//! cell near the brick e is off by at most S, and so is each component of d. Then, with sizes of n that sum up to 127,
+//! the terms of e are off by 127 S, the term of d by 63.5 S, and half of s by 63.5 S; a line near the cell has |e| <= 1
+//! + S, so that sums are at most 256, and their eight roundings make 2^-13 < S at most. Together that is below 256 S.
+//! Comparisons leave a margin of [`SLACKS`] times S: twice as much. Results within the margin, and cells with corners,
+//! are uncertain and go on to integers.
 //!
 //! # Larger leaves
 //!
-//! Of a leaf with an edge of 2 cells, c is the middle of its box and the plane `n . (p - c) = k`; the faces are at `|s|`.
-//! All terms are at most twice as large, and so is what is left.
+//! For a leaf with an edge of 2 cells, c is the middle of its box and the plane `n . (p - c) = k`; the faces are at
+//! `|s|`. All terms are at most twice as large, and so is the margin.
 
 use crate::format::cell::HAS_CORNERS;
 use crate::format::normal;
@@ -45,49 +46,50 @@ pub(crate) const CELLS: usize = 64;
 /// A brick without larger leaves.
 pub(crate) const ALL_CELLS: u8 = 64;
 
-/// Most cells of a brick that are listed of a ray; more are intersected along edges of cells only.
+/// Most listed cells of a brick for a ray; more are intersected along edges of cells only.
 pub(crate) const LISTED: usize = 16;
 
-/// What a comparison leaves, in slacks of the beam.
+/// Margin of a comparison, in slacks of the beam.
 pub(crate) const SLACKS: f32 = 512.0;
 
-/// The planes of a brick's cells, as rays in mirrored coordinates see them.
+/// The planes of a brick's cells, in mirrored coordinates of the rays.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Planes {
     /// Normals by axis, of the cells in stored order.
     pub(crate) normal: [[i8; CELLS]; 3],
-    /// Offsets, or that a cell has corners.
+    /// Offsets, or the mark of a cell with corners.
     pub(crate) offset: [i8; CELLS],
-    /// Which cell of the stored order stands at a place of the mirrored one; 0 where there is none.
+    /// Stored index of the cell at each mirrored position; 0 for an empty one.
     pub(crate) number: [u8; CELLS],
-    /// How many are cells, at most [`CELLS`]; what follows are larger leaves of 2 x 2 x 2 cells, at the place of their lowest one.
+    /// Number of cells, at most [`CELLS`]; then follow larger leaves of 2 x 2 x 2 cells, at the position of their
+    /// lowest one.
     pub(crate) cells: u8,
 }
 
 /// The lines of a tile's rays, about a brick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lines<'a> {
-    /// By axis.
+    /// Directions by axis.
     pub(crate) direction: &'a [[f32; CELLS]; 3],
     /// e of the brick's middle, by pair of axes.
     pub(crate) beside: &'a [[f32; CELLS]; 3],
-    /// What a comparison leaves.
+    /// Margin of a comparison.
     pub(crate) slack: f32,
 }
 
-/// What is sure of sixteen pairs, as bits.
+/// Certain results of sixteen pairs, as bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Compared {
     /// The ray does not meet the cell's surface.
     pub(crate) past: u32,
-    /// It meets the plane within the cell, if that is ahead of it.
+    /// The ray meets the plane within the cell, if that is ahead of it.
     pub(crate) within: u32,
-    /// The planes: normal by axis and offset in a byte each, 128 more than they are.
+    /// The planes: normal by axis and offset in a byte each, plus 128.
     pub(crate) planes: [u32; SINGLES],
 }
 
-/// Returns the answer of VBMI2 where the lanes have it.
+/// Returns the result of VBMI2 where the lanes have it.
 macro_rules! with_vbmi2 {
     ($lanes:ident, $function:ident($($argument:expr),*)) => {
         #[cfg(target_arch = "x86_64")]
@@ -99,7 +101,7 @@ macro_rules! with_vbmi2 {
     };
 }
 
-/// Places of the first boxes, lowest first; what follows them means nothing.
+/// Positions of the first boxes, lowest first; the entries after them are undefined.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "below 64")]
 pub(crate) fn list(lanes: impl Lanes, boxes: u64, places: &mut [u8; LISTED]) {
@@ -111,8 +113,8 @@ pub(crate) fn list(lanes: impl Lanes, boxes: u64, places: &mut [u8; LISTED]) {
     }
 }
 
-/// The planes of a brick by the codes of its cells; its boxes as they are stored, and the exclusive-or that leads
-/// from a stored place to a mirrored one.
+/// The planes of a brick by the codes of its cells; its boxes in stored order, and the exclusive-or from a stored
+/// position to a mirrored one.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "components of L1-127 vectors; below 64")]
 pub(crate) fn planes(
@@ -141,7 +143,7 @@ pub(crate) fn planes(
     planes
 }
 
-/// Distance of a place's middle from the brick's, along an axis.
+/// Distance of a position's middle from the brick's, along an axis.
 #[inline(always)]
 fn from_middle(place: u8, axis: usize) -> f32 {
     f32::from((place >> axis & 1) | (place >> (axis + 2) & 2)) - 1.5
@@ -203,14 +205,14 @@ mod tests {
         for _ in 0..20_000 {
             let code = random.bits() as u16;
             let offset = random.bits() as i8;
-            // A cell, or a larger leaf at the place of its lowest cell.
+            // A cell, or a larger leaf at the position of its lowest cell.
             let (edge, places) = if random.bits().is_multiple_of(3) { (2.0, 56) } else { (1.0, 63) };
             let place = random.bits() as u8 & places;
             let (o, d): ([f64; 3], [f64; 3]) = (
                 [0.0; 3].map(|_: f64| edge * random.range(-0.5, 0.5)),
                 [0.0; 3].map(|_: f64| random.range(0.0, 1.0)),
             );
-            // The line is at `o` from the box's middle; the brick's middle is that far from the box's.
+            // The line passes at `o` from the box's middle; the brick's middle is offset from the box's.
             let slack = 1.0 / 4096.0;
             let middle: [f64; 3] =
                 std::array::from_fn(|a| -f64::from(from_middle(place, a)) - 0.5 * (edge - 1.0));

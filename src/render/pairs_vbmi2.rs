@@ -1,7 +1,7 @@
 //! [`super::pairs`] with AVX-512 VBMI2: sixteen pairs of a ray and a cell at a time.
 //!
 //! SAFETY (every block here): a [`Vbmi2`] proves that the machine has AVX-512 F, BW, DQ, VL, VBMI and VBMI2; functions
-//! without one are called by those that have it. Loads and stores are of whole arrays.
+//! without one are called by functions that have it. Loads and stores are of whole arrays.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::*;
@@ -11,7 +11,7 @@ use crate::format::cell::HAS_CORNERS;
 
 use super::pairs::{ALL_CELLS, CELLS, Compared, LISTED, Lines, Planes};
 
-/// Whole numbers from 0, with a factor and an offset.
+/// Integers from `first` on in steps of `step`.
 const fn bytes(first: u8, step: u8) -> [u8; CELLS] {
     let mut bytes = [0; CELLS];
     let mut i = 0;
@@ -32,7 +32,7 @@ static ODD: [u8; CELLS] = bytes(1, 2);
 /// Distances of a brick's cells from its middle along an axis.
 const STEPS: [f32; 4] = [-1.5, -0.5, 0.5, 1.5];
 
-/// [`super::pairs::list`].
+/// AVX-512 form of [`super::pairs::list`].
 #[inline(always)]
 pub(super) fn list(_: Vbmi2, boxes: u64, places: &mut [u8; LISTED]) {
     // SAFETY: see the top of this file.
@@ -43,7 +43,7 @@ pub(super) fn list(_: Vbmi2, boxes: u64, places: &mut [u8; LISTED]) {
     }
 }
 
-/// [`super::pairs::planes`].
+/// AVX-512 form of [`super::pairs::planes`].
 #[inline(always)]
 pub(super) fn planes(
     _: Vbmi2,
@@ -63,7 +63,7 @@ pub(super) fn planes(
         let odd = _mm512_loadu_si512(ODD.as_ptr().cast());
         let u = _mm512_max_epi8(_mm512_permutex2var_epi8(low, even, high), least);
         let v = _mm512_max_epi8(_mm512_permutex2var_epi8(low, odd, high), least);
-        // As `normal::decode_l1`; all fits signed bytes.
+        // Same as `normal::decode_l1`; all values fit signed bytes.
         let (zero, scale) = (_mm512_setzero_si512(), _mm512_set1_epi8(127));
         let (beside_u, beside_v) =
             (_mm512_sub_epi8(scale, _mm512_abs_epi8(u)), _mm512_sub_epi8(scale, _mm512_abs_epi8(v)));
@@ -107,7 +107,7 @@ unsafe fn of_rays(values: &[f32; CELLS], rays: __m512i, high: __mmask16) -> __m5
 /// The bytes of sixteen cells.
 ///
 /// # Safety
-/// As [`of_rays`].
+/// Same as [`of_rays`].
 #[inline(always)]
 unsafe fn of_cells(values: &[i8; CELLS], cells: __m512i) -> __m128i {
     // SAFETY: see the top of this file.
@@ -120,7 +120,7 @@ unsafe fn of_cells(values: &[i8; CELLS], cells: __m512i) -> __m128i {
 /// Bytes as singles.
 ///
 /// # Safety
-/// As [`of_rays`].
+/// Same as [`of_rays`].
 #[inline(always)]
 unsafe fn singles(bytes: __m128i) -> __m512 {
     // SAFETY: see the top of this file.
@@ -146,7 +146,7 @@ macro_rules! at {
     };
 }
 
-/// [`super::pairs::compare`].
+/// AVX-512 form of [`super::pairs::compare`].
 #[inline(always)]
 pub(super) fn compare(
     _: Vbmi2,

@@ -22,10 +22,10 @@ pub enum Traversal {
 }
 
 impl Traversal {
-    /// Every one.
+    /// All kinds.
     pub const ALL: [Self; 2] = [Self::Exact, Self::Discrete];
 
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",
@@ -37,7 +37,7 @@ impl Traversal {
 /// Checks a picture's size.
 ///
 /// # Errors
-/// [`RenderError`] for no pixels or too many.
+/// [`RenderError`] for a size of zero or too many pixels.
 pub(crate) fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
     let pixels = u64::from(width) * u64::from(height);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
@@ -49,7 +49,7 @@ pub(crate) fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
 /// A private pool of this many workers with small stacks; the process-wide pool is never used.
 ///
 /// # Errors
-/// [`RenderError`] when the system does not start that many.
+/// [`RenderError`] when the system does not start this many threads.
 pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.max(1))

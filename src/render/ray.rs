@@ -15,22 +15,21 @@ pub const DIRECTION_BITS: u32 = 30;
 /// Greatest octree depth.
 pub(crate) const MAX_DEPTH: u32 = 16;
 
-// A product of a plane-to-origin distance with a direction component is all that a traversal
-// multiplies: the distance is at most one cell more than the grid, the component at most
-// 2^DIRECTION_BITS. Such a product must fit an i64 with its sign.
+// A traversal only multiplies a plane-to-origin distance by a direction component: the distance is at most one cell
+// more than the grid, the component at most 2^DIRECTION_BITS. Such a product must fit an i64 with its sign.
 const _: () = {
     let distance = ((1_i128 << MAX_DEPTH) + 1) << FRACTION_BITS;
     assert!(distance << DIRECTION_BITS <= i64::MAX as i128);
-    // Distances and components are exact as f64, too, which the estimates rely on.
+    // Distances and components are also exact as f64, which the estimates rely on.
     assert!(distance < 1 << 53 && DIRECTION_BITS < 53);
 };
 
 /// One of a box's six faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Face {
-    /// 0, 1, 2 for x, y, z: the axis that the face is perpendicular to.
+    /// Axis perpendicular to the face: 0, 1, 2 for x, y, z.
     pub axis: u8,
-    /// Is it the face on the high side, with its outward normal along +axis?
+    /// True for the face on the high side, with its outward normal along +axis.
     pub high: bool,
 }
 
@@ -43,7 +42,7 @@ impl Face {
     }
 }
 
-/// Why a ray is refused.
+/// Reason to refuse a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the sentence of each variant says it")]
 pub enum BadRay {
@@ -55,10 +54,10 @@ pub enum BadRay {
     TooDeep,
 }
 
-/// A ray as the traversal sees it: integers, starting in or on the grid.
+/// A ray in the traversal: integers, starting in or on the grid.
 ///
-/// These integers define the ray; what happened in f64 before is quantisation, and the traversal adds no
-/// error of its own. A ray that begins outside the grid is moved to its entry point first.
+/// These integers define the ray; earlier operations in f64 are quantisation, and the traversal adds no error of its
+/// own. A ray that begins outside the grid is moved to its entry point first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     depth: u32,
@@ -73,14 +72,14 @@ impl Ray {
     /// Quantises the ray `origin + t * direction`, `t >= t_min`, given in grid space; `Ok(None)` when it
     /// misses the grid.
     ///
-    /// Origins are rounded to 2^-16 cell, directions to 2^-29 of their largest component; what is a
-    /// multiple of those already (such as small integers) stays exact. The arithmetic is symmetric: a ray
-    /// mirrored or permuted about the grid's centre has mirrored or permuted integers. -0.0 is 0.
+    /// Origins are rounded to 2^-16 cell, directions to 2^-29 of their largest component; multiples of these (such as
+    /// small integers) stay exact. The arithmetic is symmetric: a ray mirrored or permuted about the grid's centre has
+    /// mirrored or permuted integers. -0.0 is 0.
     ///
-    /// The quantised ray is nowhere in the grid farther from the given one than `2^-16 + 2^(depth-29) + 2^-49 D`
-    /// cells, across its main axis; D is the greatest of the grid's side, the origin's distance and that of the near
-    /// limit. So two hits differ only where a ray passes an edge that closely (`tests/it/oracle.rs`, by whole numbers
-    /// without a limit).
+    /// Within the grid the quantised ray is never farther from the given one than `2^-16 + 2^(depth-29) + 2^-49 D`
+    /// cells, across its main axis; D is the greatest of the grid's side, the origin's distance and the near limit's.
+    /// So two hits differ only where a ray passes an edge that closely (`tests/it/oracle.rs`, by integers without a
+    /// limit).
     ///
     /// # Errors
     /// [`BadRay`] for NaN, infinity, a null direction, or `depth` over `MAX_DEPTH`.
@@ -167,20 +166,20 @@ impl Ray {
         self.direction
     }
 
-    /// Face of the grid that the ray came in by; `None` when it starts inside.
+    /// Face of the grid that the ray enters by; `None` when it starts inside.
     #[inline]
     pub fn entry(&self) -> Option<Face> {
         self.entry
     }
 
-    /// Parameter t, along the ray that was given, of the quantised origin.
+    /// Parameter t of the quantised origin, along the given ray.
     #[inline]
     pub fn t_start(&self) -> f64 {
         self.t_start
     }
 
-    /// Parameter t after `distance / component` along the quantised direction: both are integers of
-    /// [`Ray::origin`]'s and [`Ray::direction`]'s kind.
+    /// Parameter t after `distance / component` along the quantised direction: both are integers in the units of
+    /// [`Ray::origin`] and [`Ray::direction`].
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "both are below 2^53")]
     pub fn t_after(&self, distance: i64, component: i64) -> f64 {
@@ -188,8 +187,8 @@ impl Ray {
     }
 }
 
-/// Nearest whole number, ties to even, for |x| < 2^51: adding 1.5 * 2^52 leaves no fraction bits. Greater
-/// values stay about as great. The standard library's is a function call on old processors.
+/// Nearest integer, ties to even, for |x| < 2^51: adding 1.5 * 2^52 leaves no fraction bits. Greater values stay about
+/// as great. The standard library's is a function call on old processors.
 #[inline]
 fn rounded(x: f64) -> f64 {
     const NO_FRACTION: f64 = 6_755_399_441_055_744.0;

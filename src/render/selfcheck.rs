@@ -1,4 +1,4 @@
-//! The traversal against the reference on many random rays, for tests and for users who want to see it.
+//! The traversal compared with the reference on many random rays, for tests and for users who want to see it.
 
 use crate::geom::{Affine, BoxIndex, Dims, Octant};
 use crate::load::{ModelView, NodeView};
@@ -33,11 +33,11 @@ pub struct Mismatches {
     pub false_hits: u64,
     /// Only the reference hit.
     pub false_misses: u64,
-    /// Hits whose number is not that of their voxel, or whose depth is off its face by over 2^-16 cell.
+    /// Hits with a number other than their voxel's, or with a depth off their face by over 2^-16 cell.
     pub inconsistent: u64,
     /// Rays that hit the inside of a cell or larger leaf, of a model that has them.
     pub cell_hits: u64,
-    /// Rays that hit another cell or larger leaf than the reference, or only one of both hits.
+    /// Rays that hit another cell or larger leaf than the reference, or rays that only one of them hits.
     pub cells: u64,
     /// Rays whose hit depends on the instruction set, or on being traced alone, in a batch or in a tile.
     pub forms: u64,
@@ -58,7 +58,7 @@ impl Mismatches {
         hits + self.inconsistent + self.cells + self.forms + self.over_limit
     }
 
-    /// Counts of both.
+    /// Sum of two counts.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         add_counts!(self, other: rays, hits, voxel, face, false_hits, false_misses, inconsistent);
@@ -191,7 +191,7 @@ fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera,
     let length = f64::from(side);
     let kind = random.bits();
     let (low, high) = if kind & 1 == 0 { (0.0, length) } else { (-1.5 * length, 2.5 * length) };
-    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing off.
+    // A voxel's centre is an integer in the world, so a grid plane is half a spacing off.
     let in_world = |p: [f64; 3]| std::array::from_fn(|a| (p[a] - 0.5) * spacing[a]);
     let mut eye = [0.0; 3].map(|_: f64| random.range(low, high));
     let goal = [0.0; 3].map(|_: f64| random.range(0.0, length));
@@ -260,7 +260,7 @@ fn lies_on_face(ray: &Ray, hit: &Hit) -> bool {
     (at - plane).abs() <= 1.0
 }
 
-/// A small generator of even 64-bit numbers (Weyl sequence, Stafford's mixer 13): the same everywhere.
+/// A small generator of uniform 64-bit numbers (Weyl sequence, Stafford's mixer 13): the same everywhere.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 

@@ -1,11 +1,11 @@
 //! Light and colour: a bone-grey surface, sRGB out; a lamp at the eye alone, or the soft light of a photographer's rig.
 //!
-//! Soft light has a key lamp from the left and above, that gives shape; a lamp at the eye, that keeps what it does not reach
-//! from turning black; and the sky, that is brighter above. How open a point's surroundings are (`ambient`) dims the
+//! Soft light has a key lamp from the left and above, which gives shape; a lamp at the eye, which keeps the rest from
+//! turning black; and the sky, which is brighter above. The openness of a point's surroundings (`ambient`) dims the
 //! last two in proportion and the key lamp by up to 70 %.
 //!
-//! All arithmetic is IEEE addition, multiplication, division and square root in a fixed order, so pixels
-//! are the same on every machine; powers are not taken from the system.
+//! All arithmetic is IEEE addition, multiplication, division and square root in a fixed order, so pixels are the same
+//! on every machine; powers do not use the system's functions.
 
 use super::Shading;
 use super::sight::Sight;
@@ -13,15 +13,15 @@ use super::tile::RAYS;
 use crate::cpu::{Kernel, Lanes};
 use crate::geom::dot;
 
-/// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
-/// to be seen on a white one.
+/// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough to be seen
+/// on a white one.
 const AMBIENT: f64 = 0.07;
 
-/// How much of the light falls off with the squared cosine instead of the cosine: a lamp at the eye makes
-/// shapes flat in the middle, and this gives them back some relief.
+/// Part of the light that falls off with the squared cosine instead of the cosine: a lamp at the eye makes shapes flat
+/// in the middle, and this restores some relief.
 const RELIEF: f64 = 0.6;
 
-/// Colour of a surface without one of its own, that of bone, in linear RGB (sRGB 236, 226, 208).
+/// Colour of bone, for a surface without its own colour, in linear RGB (sRGB 236, 226, 208).
 pub(crate) const SURFACE: [f64; 3] = [0.838_8, 0.760_5, 0.630_8];
 
 /// Entries of the table from linear light to sRGB.
@@ -67,13 +67,13 @@ impl Shader {
         color.map(|code| self.lights.get(usize::from(code)).copied().unwrap_or_default())
     }
 
-    /// sRGB code at a place in the table.
+    /// sRGB code at an index of the table.
     #[inline]
     pub(crate) fn code(&self, at: u16) -> u8 {
         self.srgb.get(usize::from(at)).copied().unwrap_or(255)
     }
 
-    /// The pixel of some rays, of which so many meet something and have this sum of colours.
+    /// The pixel of `rays` rays, `hits` of them with a hit, with this sum of colours.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     pub(crate) fn pixel(&self, sum: [f64; 3], hits: f64, rays: f64) -> [u8; 4] {
         if hits <= 0.0 {
@@ -92,12 +92,12 @@ impl Shader {
     }
 }
 
-/// The key lamp's direction in the camera's frame: from the left, above and before the surface; of length 1.
+/// The key lamp's direction in the camera's frame: from the left, above and in front of the surface; of length 1.
 const KEY: [f64; 3] = [-0.451_129_236_405_376_94, 0.551_380_177_828_794_1, 0.701_756_589_963_919_7];
 /// Linear RGB of the key lamp and of the sky: warm and cool.
 const KEY_COLOR: [f64; 3] = [1.0, 0.97, 0.93];
 const SKY_COLOR: [f64; 3] = [0.88, 0.94, 1.0];
-/// Shares of the key lamp, of the lamp at the eye, of the sky from everywhere and of that from above, and of the shine.
+/// Shares of the key lamp, of the lamp at the eye, of the ambient sky and of the sky from above, and of the highlight.
 const OF_KEY: f64 = 0.66;
 const OF_EYE: f64 = 0.22;
 const OF_SKY: f64 = 0.015;
@@ -105,7 +105,7 @@ const OF_ZENITH: f64 = 0.0375;
 const OF_SHINE: f64 = 0.07;
 /// Part of the key lamp's light that falls off with the cosine, not with its square.
 const KEY_FLAT: f64 = 0.35;
-/// Part of it that comes into what is closed: a lamp has one direction, hollows are open to some.
+/// Part of the key lamp's light that reaches closed places: a lamp has one direction, to which some hollows are open.
 const KEY_CLOSED: f64 = 0.3;
 
 /// Unit vector towards the key lamp, for a camera with these axes: to the right, up and forward in the picture.
@@ -116,14 +116,14 @@ pub(crate) fn towards_key([right, up, forward]: [[f64; 3]; 3]) -> [f64; 3] {
 /// A rig of lamps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rig {
-    /// Upwards in the picture and towards the key lamp, unit vectors of the world; `None` for the one lamp at the eye.
+    /// World unit vectors upwards in the picture and towards the key lamp; `None` for the one lamp at the eye.
     soft: Option<[[f64; 3]; 2]>,
-    /// True if colours are shown as they are.
+    /// True if colours are shown unshaded.
     flat: bool,
 }
 
 impl Rig {
-    /// For a camera with these axes: to the right, up and forward in the picture.
+    /// The rig for a camera with these axes: to the right, up and forward in the picture.
     pub(crate) fn new(shading: Shading, axes: [[f64; 3]; 3]) -> Self {
         Self {
             soft: (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]),
@@ -131,10 +131,10 @@ impl Rig {
         }
     }
 
-    /// Linear RGB of a surface of this colour and unit normal, so far open, seen along `sight` (any length, not null); may
+    /// Linear RGB of a surface of this colour, unit normal and openness, seen along `sight` (any length, not null); may
     /// be more than 1.
     ///
-    /// Both sides of a surface are lit alike, so that a model can be looked at from within.
+    /// Both sides of a surface are lit alike, so that a model can be viewed from within.
     #[inline(always)]
     pub(crate) fn of(&self, color: [f64; 3], normal: [f64; 3], sight: [f64; 3], open: f64) -> [f64; 3] {
         let length = dot(sight, sight).sqrt();
@@ -151,7 +151,7 @@ impl Rig {
         let k = positive(turn * dot(normal, key));
         let half = [0, 1, 2].map(|a| key[a] - sight[a] / length);
         let h = positive(turn * dot(normal, half) / dot(half, half).sqrt());
-        // Its 40th power.
+        // The 40th power.
         let (h2, h8) = (h * h, h * h * (h * h) * (h * h) * (h * h));
         let h32 = h8 * h8 * (h8 * h8);
         let shine = OF_SHINE * open * (h32 * (h2 * h2) * (h2 * h2));
@@ -169,7 +169,7 @@ pub(crate) struct Lit {
     pub(crate) normals: [[f64; RAYS]; 3],
     /// Linear RGB of the surfaces.
     pub(crate) colors: [[f64; RAYS]; 3],
-    /// How far the surroundings are open.
+    /// Openness of the surroundings.
     pub(crate) open: [f64; RAYS],
 }
 
@@ -178,14 +178,14 @@ impl Lit {
         Self { normals: [[1.0; RAYS]; 3], colors: [[0.0; RAYS]; 3], open: [1.0; RAYS] };
 }
 
-/// Colours of a tile's pixels: the same as those of [`Rig::of`] and [`Shader::encode`] one by one.
+/// Colours of a tile's pixels, equal to [`Rig::of`] and [`Shader::encode`] one by one.
 pub(crate) struct TileLight<'a> {
     pub(crate) sight: &'a Sight<'a>,
     pub(crate) rig: &'a Rig,
     /// Column and row of the tile's first pixel.
     pub(crate) corner: [usize; 2],
     pub(crate) lit: &'a Lit,
-    /// Places in the table of codes, colour by colour.
+    /// Indices in the table of codes, colour by colour.
     pub(crate) out: &'a mut [[u16; RAYS]; 3],
 }
 
@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn faces_towards_the_eye_are_brightest_and_edges_keep_some_light() {
-        // To the right, up, forward: as a camera at the front has them.
+        // Axes to the right, up, forward, as for a camera at the front.
         let axes = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
         for shading in Shading::ALL {
             let light = Rig::new(*shading, axes);
@@ -264,7 +264,7 @@ mod tests {
                 continue;
             }
             assert!(facing[0] > half[0] && half[0] > edge[0] && edge[0] > 0.02, "{shading:?}");
-            // Both sides are lit alike, and what is closed is darker.
+            // Both sides are lit alike, and closed places are darker.
             assert_eq!(of([0.0, 1.0, 0.0], 1.0), facing);
             assert!(of([0.0, -1.0, 0.0], 0.5)[0] < facing[0]);
             if *shading == Shading::Soft {

@@ -1,7 +1,7 @@
 //! The rays of a picture: one, eight in a row, or as affine functions of the pixel.
 //!
-//! All begin as the same formula in f64 and are rounded by the same operations, so a ray made with its
-//! row has the same integers as [`crate::render::ray::Ray`] makes of it alone.
+//! All begin as the same formula in f64 and are rounded by the same operations, so a ray made with its row has the same
+//! integers as a ray made alone by [`crate::render::ray::Ray`].
 
 use super::camera::Camera;
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
@@ -16,7 +16,7 @@ pub struct Sight<'a> {
     camera: &'a Camera,
     width: f64,
     height: f64,
-    /// The rays as affine functions of the pixel, if those are close enough.
+    /// The rays as affine functions of the pixel, if they are close enough.
     pencil: Option<Pencil>,
 }
 
@@ -26,38 +26,38 @@ pub struct Sight<'a> {
 pub(super) struct Pencil {
     /// Origin of the ray of pixel (0, 0), its change from pixel to pixel in x, and in y.
     pub(super) origin: [[f64; 3]; 3],
-    /// The same of the direction. Of cameras, either this or the origin does not change.
+    /// Direction, in the same form. For cameras, either this or the origin is constant.
     pub(super) direction: [[f64; 3]; 3],
-    /// How far an origin, and a direction, of the rays is from these at most, where that is more.
+    /// Largest deviation of the rays' origins, and of their directions, from these functions, if it is more.
     pub(super) off: Option<[[f64; 3]; 2]>,
 }
 
-/// Eight rays as [`Ray`] would have them, in lanes; whole numbers as doubles.
+/// Eight rays with the values of [`Ray`], in lanes; integers as doubles.
 #[derive(Clone, Copy)]
 pub(super) struct Row<L: Lanes> {
-    /// Lanes that hold a ray; the others may be rays nevertheless, of numbers too large or small for this.
+    /// Lanes that hold a ray; the others may still be rays, with numbers too large or small for this method.
     pub(super) valid: L::Truths,
     pub(super) origin: [L::D; 3],
     pub(super) direction: [L::D; 3],
-    /// Did the ray come in by a face of this axis? At most one of the three.
+    /// Rays that entered the grid by a face of this axis; at most one of the three.
     pub(super) entry: [L::Truths; 3],
     pub(super) t_start: L::D,
     pub(super) t_scale: L::D,
 }
 
-/// Rays whose numbers are sums of larger ones than this, in cells, are not estimated: the estimate could be
-/// off by more than 2^-16 cell.
+/// Rays with numbers that are sums of larger ones than this, in cells, are not estimated: the estimate could be off by
+/// more than 2^-16 cell.
 pub(super) const MAX_CELLS: f64 = (1_u64 << 30) as f64;
 
-/// The same for directions: sums of numbers this many times their longest component.
+/// Limit for directions: sums of numbers this many times their longest component.
 const MAX_CANCELLED: f64 = 1024.0;
 
 /// Exponents of directions that rows are made for: scaling by 2^400 at once or in two steps is the same.
 const MAX_EXPONENT: i64 = 400;
 
 impl Pencil {
-    /// For a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by
-    /// more than 2^-16 cell within the grid.
+    /// The pencil of a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by more
+    /// than 2^-16 cell within the grid.
     fn new(space: &GridSpace, camera: &Camera, width: f64, height: f64) -> Option<Self> {
         let frame = camera.frame();
         let matrix = &space.world_to_grid().rows;
@@ -68,7 +68,7 @@ impl Pencil {
             let at = std::array::from_fn(|i| constant[i] + first.0 * across[i] + first.1 * along[i]);
             [in_grid(at), in_grid(across).map(|c| c * step.0), in_grid(along).map(|c| c * step.1)]
         };
-        // The greatest sum of sizes that a coordinate is made of, wherever in the picture.
+        // The greatest sum of sizes of a coordinate's terms, anywhere in the picture.
         let summed = |vectors: [[f64; 3]; 3]| {
             let size: [f64; 3] = std::array::from_fn(|i| vectors.iter().map(|v| v[i].abs()).sum());
             matrix.map(|r| r[0].abs() * size[0] + r[1].abs() * size[1] + r[2].abs() * size[2])
@@ -79,7 +79,7 @@ impl Pencil {
             .zip(matrix)
             .fold(0.0_f64, |most, (sum, r)| most.max(sum + r[3].abs()));
         let most_direction = summed(frame.direction).iter().fold(0.0_f64, |most, sum| most.max(*sum));
-        // In the middle of the picture, where all of a perspective camera's rays are about as long.
+        // In the middle of the picture, where all of a perspective camera's rays are about equally long.
         let longest = in_grid(frame.direction[0]).iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         if !(most <= MAX_CELLS && most_direction <= MAX_CANCELLED * longest) {
             return None;
@@ -98,7 +98,7 @@ impl<'a> Sight<'a> {
         Self { space, camera, width, height, pencil: Pencil::new(space, camera, width, height) }
     }
 
-    /// The place that the rays run in.
+    /// The space of the rays.
     pub(crate) fn space(&self) -> &'a GridSpace {
         self.space
     }
@@ -110,7 +110,7 @@ impl<'a> Sight<'a> {
         self.camera.ray((2.0 * x - self.width) / self.width, (self.height - 2.0 * y) / self.height)
     }
 
-    /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, as [`Sight::line`] has them.
+    /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, equal to [`Sight::line`].
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
     pub(super) fn directions(&self, corner: [usize; 2], out: &mut [[f64; RAYS]; 3]) {
@@ -137,8 +137,8 @@ impl<'a> Sight<'a> {
         self.space.ray(origin, direction).ok().flatten()
     }
 
-    /// The rays as affine functions of the pixel counted from `corner`; `None` where that would not be
-    /// close enough to the exact rays.
+    /// The rays as affine functions of the pixel counted from `corner`; `None` where these are not close enough to the
+    /// exact rays.
     #[inline(always)]
     pub(super) fn pencil(&self, corner: (usize, usize)) -> Option<Pencil> {
         let (x, y) = (corner.0 as f64, corner.1 as f64);
@@ -156,7 +156,7 @@ impl<'a> Sight<'a> {
     #[inline(always)]
     pub(super) fn row<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> Row<L> {
         let column: [f64; DOUBLES] = std::array::from_fn(|i| (x + i) as f64 + 0.5);
-        // As `line`, `Camera::ray` and `GridSpace::ray` have it: the same operations in the same order.
+        // As in `line`, `Camera::ray` and `GridSpace::ray`: the same operations in the same order.
         let x = (l.d(2.0) * l.d_load(&column) - l.d(self.width)) / l.d(self.width);
         let y = (self.height - 2.0 * (y as f64 + 0.5)) / self.height;
         let frame = self.camera.frame();
@@ -188,8 +188,8 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// [`Ray::new`] with a near limit of 0, eight at a time: the same operations in the same order, choices
-/// instead of branches.
+/// [`Ray::new`] with a near limit of 0, eight at a time: the same operations in the same order, choices instead of
+/// branches.
 #[inline(always)]
 pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction: [L::D; 3]) -> Row<L> {
     let zero = l.d(0.0);

@@ -1,4 +1,4 @@
-//! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
+//! One ray at a time, two levels at a time, skipping air: for rays without neighbours.
 //!
 //! At each node the ray's `Line` is compared with the 4 x 4 x 4 boxes two levels below at once. Those that are
 //! intersected and occupied wait in Morton order, which in mirrored coordinates is front to back. At the last level
@@ -22,7 +22,7 @@ use super::traverse::Trace;
 /// Levels of bricks from the root to a box: a power of two, so that an index is masked instead of checked.
 pub(super) const BRICK_LEVELS: usize = 8;
 
-/// Base-2 logarithm of the boxes two levels below the top brick, for a tree of this depth, at least 1.
+/// Base-2 logarithm of the edge of the boxes two levels below the top brick, for a tree of this depth, at least 1.
 #[inline]
 pub(super) fn top_edge(depth: u32) -> u32 {
     (depth - 1) / 2 * 2
@@ -32,7 +32,7 @@ pub(super) fn top_edge(depth: u32) -> u32 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LargerLeaf {
     pub(super) node: u64,
-    /// Its lowest box of the finest level, in mirrored coordinates, and its edge in them as a power of two.
+    /// Its lowest box of the finest level, in mirrored coordinates, and its edge in such boxes as a power of two.
     pub(super) low: [u32; 3],
     pub(super) edge: u32,
 }
@@ -41,7 +41,7 @@ pub(super) struct LargerLeaf {
 #[derive(Clone, Copy)]
 pub(super) struct OpenBrick {
     pub(super) brick: Brick,
-    /// Boxes still to be visited.
+    /// Boxes still to visit.
     pub(super) pending: u64,
     /// Number of the first box.
     pub(super) first: u64,
@@ -50,7 +50,7 @@ pub(super) struct OpenBrick {
 }
 
 impl OpenBrick {
-    /// The larger leaf that box `v` is, of edge `2^edge`, or a part of; it is not visited again.
+    /// The larger leaf that box `v`, of edge `2^edge`, is or belongs to; its boxes are then marked as visited.
     #[inline(always)]
     pub(super) fn larger_leaf(&mut self, view: &ModelView<'_>, v: u32, edge: u32) -> Option<LargerLeaf> {
         if !view.has_leaves() {
@@ -69,7 +69,7 @@ impl OpenBrick {
         (edge > 0 && view.is_leaf(NodeIndex::new(node))).then(|| LargerLeaf { node, low: at(v), edge })
     }
 
-    /// The brick at `low`, of which the boxes `near` are to be visited.
+    /// The brick at `low` with the boxes `near` to visit.
     #[inline(always)]
     pub(super) fn new(view: &ModelView<'_>, brick: Brick, near: u64, low: [u32; 3]) -> Self {
         let pending = brick.boxes & near;
@@ -79,8 +79,8 @@ impl OpenBrick {
 
 /// First hit of a ray, sealed (see [`super::traverse`]), the same for every form.
 ///
-/// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
-/// count as surface. Any view is safe, right or wrong. [`Trace::steps`] counts the nodes looked at.
+/// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
+/// surface. Any view is safe, right or wrong. [`Trace::steps`] counts the nodes visited.
 #[inline]
 pub fn trace<S: Surface>(
     form: Form,

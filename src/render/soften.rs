@@ -1,53 +1,54 @@
-//! A patch of a picture with its surroundings: openness as a mean over what is alike, and where neighbours differ.
+//! A patch of a picture with its surroundings: openness as a mean over similar pixels, and differences between
+//! neighbours.
 //!
-//! One ray a pixel says little of how open a point is; the 64 of eight by eight pixels, which go out in as many directions,
-//! say much, if they see one surface. So the mean of four by four pixels is taken, and then that of four such means, of those
-//! that are as far away and look the same way: of all 64, where these are one surface.
+//! One ray a pixel tells little of a point's openness; the 64 rays of eight by eight pixels, which go out in as many
+//! directions, tell much, if they see one surface. So the mean of four by four pixels is taken, and then the mean of
+//! four such means, over those of similar depth and normal: of all 64, where these are one surface.
 //!
-//! Neighbours differ where one hits and the other does not, where depth jumps, and at creases. A jump is a step in depth of
-//! more than a voxel that is not the slope of the surface: the steps before and behind it are others.
+//! Neighbours differ where one hits and the other does not, where depth jumps, and at creases. A jump is a step in
+//! depth of more than a voxel that differs from the slope of the surface, that is, from the steps before and behind it.
 //!
-//! A patch knows four pixels more on every side, which come from other tiles and bands.
+//! A patch also holds four pixels more on every side, which come from other tiles and bands.
 
 use super::tile::TILE;
 use crate::cpu::{Form, Kernel, Lanes};
 
-/// Columns of a patch, and pixels that it knows on every side of its own.
+/// Columns of a patch, and pixels that it holds on every side of its own.
 pub(crate) const WIDE: usize = 256;
 const AROUND: usize = 4;
 const STRIDE: usize = WIDE + 2 * AROUND;
 const HIGH: usize = TILE + 2 * AROUND;
 
-/// Places along a line that a mean is taken of, first of pixels, then of means: 3 pixels before, the pixel, and 4 behind.
+/// Offsets along a line for a mean, first of pixels, then of means: together 3 pixels before, the pixel, and 4 behind.
 const PIXELS: [isize; 4] = [-1, 0, 1, 2];
 const MEANS: [isize; 2] = [-2, 2];
-/// Weight of a pixel's own mean for each of the four that is of another surface.
+/// Weight of a pixel's own mean for each of the four that belongs to another surface.
 const OWN: f32 = 0.5;
 
-/// Depths apart, in voxels and in slopes, and cosine between normals, up to which pixels show one surface.
+/// Differences in depth, in voxels and in slopes, and cosine between normals, up to which pixels show one surface.
 const ALIKE_DEPTH: f32 = 2.0;
 const ALIKE_COSINE: f32 = 0.8;
-/// Weight of pixels as far away that look another way: without them a pixel whose normal no other has, as in a rough skin,
-/// would be left with its own ray, which is all or nothing.
+/// Weight of pixels at the same depth with another normal: without them a pixel with a unique normal, as in a rough
+/// skin, would be left with its own ray, which is all or nothing.
 const TURNED: f32 = 0.125;
 
-/// How far a jump differs from the steps before and behind it: so many voxels and this part of it.
+/// Least difference of a jump from the steps before and behind it: this many voxels plus this part of it.
 const JUMP: f32 = 0.5;
 
 type Rows = [[f32; STRIDE]; HIGH];
 
-/// The depth of a voxel or of a pixel, whichever is more, at a depth in mm: what a step is compared with.
+/// The depth of a voxel or of a pixel, whichever is more, at a depth in mm: the unit of depth steps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepSize {
     pub(crate) voxel_mm: f32,
-    /// A pixel's height in mm, and how much it grows with each mm of depth.
+    /// A pixel's height in mm, and its growth with each mm of depth.
     pub(crate) pixel_mm: [f32; 2],
     /// Cosine between the normals of neighbours below which there is a crease.
     pub(crate) crease: f32,
 }
 
 impl StepSize {
-    /// Creases of 35 degrees; and none.
+    /// Cosine of creases of 35 degrees; and a value for none.
     pub(crate) const CREASE: f32 = 0.819;
     pub(crate) const NO_CREASE: f32 = -2.0;
 }
@@ -65,7 +66,7 @@ pub(crate) struct Patch {
     /// Depth in mm; NaN for background.
     depth: Box<Rows>,
     normal: Box<[Rows; 3]>,
-    /// 0 to 1; before and after the first mean, and after the second.
+    /// Openness, 0 to 1: before and after the first mean, and after the second.
     open: Box<[Rows; 3]>,
     /// Pixels that differ from a neighbour.
     differs: [[bool; WIDE]; TILE],
@@ -82,8 +83,8 @@ impl Patch {
         }
     }
 
-    /// Takes the depths, normals and openness of the pixels from column `left` and row `top` of the picture on. True if any
-    /// is a hit.
+    /// Takes the depths, normals and openness of the pixels from column `left` and row `top` of the picture on. Returns
+    /// true if any is a hit.
     pub(crate) fn fill(
         &mut self,
         pixel: impl Fn(usize, usize) -> Option<(f32, [f32; 3], u8)>,
@@ -109,7 +110,7 @@ impl Patch {
         any
     }
 
-    /// Takes the means of openness.
+    /// Computes the means of openness.
     pub(crate) fn soften(&mut self, form: Form, step: &StepSize) {
         let [raw, once, twice] = &mut *self.open;
         let (depth, normal) = (&*self.depth, &*self.normal);
@@ -117,7 +118,7 @@ impl Patch {
         form.run(Mean { depth, normal, step, places: MEANS, own: OWN, from: once, to: twice });
     }
 
-    /// Looks where neighbours differ.
+    /// Finds the pixels that differ from a neighbour.
     pub(crate) fn compare(&mut self, form: Form, step: &StepSize) {
         let (depth, normal) = (&*self.depth, &*self.normal);
         form.run(Compare { depth, normal, step, out: &mut self.differs });
@@ -129,13 +130,13 @@ impl Patch {
         self.differs[y % TILE][x % WIDE]
     }
 
-    /// How open a pixel's surroundings are, after the means.
+    /// Openness of a pixel's surroundings, after the means.
     #[inline]
     pub(crate) fn open(&self, x: usize, y: usize) -> f64 {
         self.open[2][y % TILE + AROUND][x % WIDE + AROUND].into()
     }
 
-    /// Openness of a hit at a depth within a pixel: of that one of the pixels around which is nearest to it.
+    /// Openness of a hit at a depth within a pixel, from the pixel around with the nearest depth.
     pub(crate) fn open_at(&self, x: usize, y: usize, depth: f32) -> f64 {
         let (mut nearest, mut open) = (f32::INFINITY, 1.0);
         for row in y % TILE + AROUND - 1..=y % TILE + AROUND + 1 {
@@ -150,7 +151,7 @@ impl Patch {
     }
 }
 
-/// A mean over the pixels around each that are alike.
+/// A mean over the similar pixels around each pixel.
 struct Mean<'a, const N: usize> {
     depth: &'a Rows,
     normal: &'a [Rows; 3],
@@ -174,7 +175,7 @@ impl<const N: usize> Kernel for Mean<'_, N> {
             let mut limit = [0.0_f32; STRIDE];
             for x in before..STRIDE - behind {
                 let here = depth[y][x];
-                // Along a steep surface depth changes by the slope, too, which is that of the flatter side.
+                // Along a steep surface depth also changes by the slope, taken on the flatter side.
                 let flatter = |one: f32, other: f32| {
                     let (one, other) = ((one - here).abs(), (other - here).abs());
                     let least = if one < other { one } else { other };
@@ -220,8 +221,8 @@ struct Compare<'a> {
 const PAIRS: usize = WIDE + 1;
 
 impl Compare<'_> {
-    /// 1 for every pair of neighbours that differ, of the pixels from `first` and `second` on, column and row. `before` and
-    /// `behind` are the pixels next to them on the same line. Plain loops, which are vectorised.
+    /// Sets 1 for every pair of neighbours that differ, among the pixels from `first` and `second` on, column and row.
+    /// `before` and `behind` are the pixels next to them on the same line. Plain loops, which are vectorised.
     #[inline(always)]
     fn pairs(&self, [before, first, second, behind]: [[usize; 2]; 4], out: &mut [u32; PAIRS]) {
         let depth = |[x, y]: [usize; 2]| &self.depth[y][x..x + PAIRS];
@@ -235,7 +236,7 @@ impl Compare<'_> {
             let size = self.step.at(z_first[i]);
             let step = z_second[i] - z_first[i];
             let least = JUMP * size + JUMP * step.abs();
-            // What lies beyond the model is another surface, too.
+            // Background beyond the model counts as another surface.
             let bend_before = (step - (z_first[i] - z_before[i])).abs();
             let bend_behind = (z_behind[i] - z_second[i] - step).abs();
             let differs_before = (bend_before > least) | bend_before.is_nan();

@@ -10,7 +10,7 @@ use super::RenderError;
 use super::ray::{BadRay, Ray};
 use super::tile::RAYS;
 
-/// Levels below the root down to which extents are looked for.
+/// Deepest level below the root for the search of extents.
 const FINEST_DEPTH: u32 = 11;
 
 /// A model's place in the world.
@@ -22,7 +22,7 @@ pub struct GridSpace {
     /// Rows of `B^-T` (SPEC 4.6): box-frame normals to world.
     normal_rows: [[f64; 3]; 3],
     spacing_mm: [f64; 3],
-    /// Distances of neighbouring voxels in the box frame: those of the model itself, wherever it is placed.
+    /// Distances of neighbouring voxels in the box frame: the model's own, wherever it is placed.
     frame_mm: [f64; 3],
 }
 
@@ -35,11 +35,11 @@ impl GridSpace {
         Self::of(dims, affine, affine.spacing_mm())
     }
 
-    /// Places a volume by its affine, then by a map of its millimetres. Its normals are those of the volume itself, so
-    /// where it is drawn out they turn as its surface does.
+    /// Places a volume by its affine, then by a map of its millimetres. Its normals are the volume's own, so where it
+    /// is stretched they turn as its surface does.
     ///
     /// # Errors
-    /// As [`GridSpace::new`].
+    /// The errors of [`GridSpace::new`].
     pub(crate) fn placed(dims: Dims, affine: &Affine, placement: &Affine) -> Result<Self, RenderError> {
         Self::of(dims, &placement.after(affine), affine.spacing_mm())
     }
@@ -81,7 +81,7 @@ impl GridSpace {
         self.spacing_mm
     }
 
-    /// The quantised form of a world ray; its parameter t is that of the world ray.
+    /// The quantised form of a world ray; its parameter t is the world ray's.
     ///
     /// # Errors
     /// [`BadRay`] for a ray that is not finite or has no direction.
@@ -106,7 +106,8 @@ impl GridSpace {
         self.normal_to_world(self.index_normal_to_frame(n))
     }
 
-    /// [`GridSpace::normal_to_world`], or of index space [`GridSpace::index_normal_to_world`], of a tile's vectors by axis.
+    /// [`GridSpace::normal_to_world`] for a tile's vectors by axis, or [`GridSpace::index_normal_to_world`] for index
+    /// space.
     pub(crate) fn normals_to_world(&self, form: Form, of_index: bool, normals: &mut [[f64; RAYS]; 3]) {
         let divisor = if of_index { self.frame_mm } else { [1.0; 3] };
         form.run(NormalsToWorld { rows: &self.normal_rows, divisor, normals });
@@ -131,21 +132,21 @@ impl GridSpace {
         self.world_to_grid.apply(world)
     }
 
-    /// Greatest value of `direction . p` over the skin's points p. Of an empty model: over the volume's box.
+    /// Greatest value of `direction . p` over the skin's points p; for an empty model, over the volume's box.
     ///
-    /// Exact for models of up to 2048 voxels a side; of larger ones over boxes 1/2048 of the grid wide that hold
-    /// skin, so never too small. Descends only where a box with children that far out could still exceed the best so
-    /// far: a few hundred nodes, and of a large flat face square to the direction one in eight of its boxes.
+    /// Exact for models of up to 2048 voxels a side; for larger ones over boxes 1/2048 of the grid wide that hold skin,
+    /// so never too small. Descends only where a box with children that far out could still exceed the best so far: a
+    /// few hundred nodes, and for a large flat face perpendicular to the direction one in eight of its boxes.
     pub fn support(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
         self.support_to(view, direction, 0)
     }
 
-    /// [`GridSpace::support`] of boxes of 2^`finest` voxels.
+    /// [`GridSpace::support`] with boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, view: &ModelView<'_>, direction: [f64; 3], finest: u32) -> f64 {
         self.support_within(view, direction, finest, None)
     }
 
-    /// [`GridSpace::support`] of what is inside, in cells the part behind the surface; of labels of their cells.
+    /// [`GridSpace::support`] of the inside: in cells the part behind the surface; for labels, of their cells.
     pub(crate) fn support_of_inside(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
         let cells = view.cells().filter(|cells| !cells.has_walls() && self.dims.depth() <= FINEST_DEPTH);
         self.support_within(view, direction, 0, cells.as_ref())
@@ -170,7 +171,7 @@ impl GridSpace {
         let root = (way.bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth);
         let mut best = f64::NEG_INFINITY;
         let mut waiting = vec![root];
-        // Nodes of a damaged model may have children in common.
+        // Nodes of a damaged model may share children.
         let mut visits = 0;
         while let Some((most, number, low, level)) = waiting.pop() {
             if most <= best {
@@ -202,7 +203,7 @@ impl GridSpace {
                     );
                     continue;
                 }
-                // No farther than the farthest of its own children.
+                // At most as far as the farthest of its own children.
                 let most = way.bound_of_node(child, at, level - 1);
                 if most > best && level - 2 == finest && cells.is_none() {
                     best = most;
@@ -245,7 +246,7 @@ impl Kernel for NormalsToWorld<'_> {
     }
 }
 
-/// A direction in the grid, and how far along it the boxes of a model lie.
+/// A direction in the grid, with the model's boxes to measure along it.
 struct Way<'a> {
     weight: [f64; 3],
     constant: f64,
@@ -262,9 +263,9 @@ impl Way<'_> {
         })
     }
 
-    /// Greatest value within the inside part of a larger leaf's box (SPEC 4.9), -inf where no part of it is inside.
+    /// Greatest value within the inside part of a larger leaf's box (SPEC 4.9), -inf without an inside part.
     fn bound_of_leaf(&self, plane: &Plane, low: [u32; 3], edge: u32) -> f64 {
-        // From the farthest corner, which lies this far in front of the plane, back along the edges that cost least.
+        // From the farthest corner, which lies this far in front of the plane, back along the cheapest edges.
         let up = self.weight.map(|w| w > 0.0);
         let normal = plane.normal.map(f64::from);
         let outward: [f64; 3] = std::array::from_fn(|a| if up[a] { normal[a] } else { -normal[a] });
@@ -274,7 +275,7 @@ impl Way<'_> {
         let price = |a: usize| self.weight[a].abs() / outward[a];
         axes.sort_by(|a, b| price(*a).total_cmp(&price(*b)));
         for a in axes.into_iter().filter(|a| outward[*a] > 0.0) {
-            // Of the box's edge, which is 2 long in the leaf's coordinates.
+            // Part of the box's edge, which is 2 long in the leaf's coordinates.
             let part = (in_front.max(0.0) / (2.0 * outward[a])).min(1.0);
             in_front -= 2.0 * outward[a] * part;
             most -= self.weight[a].abs() * part * f64::from(edge);
@@ -282,7 +283,7 @@ impl Way<'_> {
         if in_front > 1e-9 { f64::NEG_INFINITY } else { most }
     }
 
-    /// Greatest value on the edges of a finest cell with corners, where they are inside.
+    /// Greatest value on the inside parts of the edges of a finest cell with corners.
     fn bound_of_corners(&self, corners: [i8; CORNERS], low: [u32; 3]) -> f64 {
         let at = |corner: usize| {
             self.bound_at(std::array::from_fn(|a| f64::from(low[a]) + (corner >> a & 1) as f64))
@@ -313,7 +314,7 @@ impl Way<'_> {
     }
 }
 
-/// Octants, those that lie farthest along a direction first.
+/// Octants, farthest along a direction first.
 fn farthest_octants(weight: [f64; 3]) -> [Octant; 8] {
     let mut all = Octant::ALL;
     let along = |octant: &Octant| (0..3).map(|a| weight[a] * f64::from(octant.high()[a])).sum::<f64>();
@@ -390,7 +391,7 @@ mod tests {
             let tree = MemoryTree::new(dims, &codes).unwrap();
             for angle in [0.0, 0.01, -0.3] {
                 let space = GridSpace::new(dims, &turned(angle)).unwrap();
-                // Square to the slope, or the axes of the world.
+                // Perpendicular to the slope, or along the axes of the world.
                 let square = space.normal_to_world([-1.0, -3.0, 64.0]);
                 for d in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], square, square.map(|c| -c)] {
                     let w: [f64; 3] = std::array::from_fn(|a| dot(d, space.grid_to_world.column(a)));

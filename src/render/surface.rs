@@ -1,23 +1,23 @@
-//! The last decision of a traversal: does a ray that passes through a box meet what is in it?
+//! The last decision of a traversal: whether a ray that passes through a box hits its content.
 //!
-//! A traversal finds the boxes that a ray passes through, in order, and asks a [`Surface`] about each until
-//! one is hit. Of skin voxels every box entered is a hit, and a tile may put off its proof until the end
-//! ([`Surface::SOLID`]). A surface within the boxes, such as a plane in a cell between samples, is asked at
-//! once, and a ray that misses it goes on to the next box.
+//! A traversal finds the boxes that a ray passes through, in order, and asks a [`Surface`] about each until one is hit.
+//! With skin voxels every box entered is a hit, and a tile may put off its proof until the end ([`Surface::SOLID`]). A
+//! surface within the boxes, such as a plane in a cell between samples, is asked at once, and a ray that misses it goes
+//! on to the next box.
 
 use crate::load::{CellItems, ModelView};
 
 use super::ray::{Face, Ray};
 use super::traverse::Hit;
 
-/// When a ray crosses a plane of cells: after `distance / component` along the quantised direction.
+/// Time when a ray crosses a plane of cells: after `distance / component` along the quantised direction.
 ///
-/// Both are integers of [`Ray::origin`]'s and [`Ray::direction`]'s kind, `component > 0`.
+/// Both are integers in the units of [`Ray::origin`] and [`Ray::direction`], `component > 0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossing {
     /// Axis that the plane is perpendicular to.
     pub axis: usize,
-    /// From the origin to the plane, along the direction of travel.
+    /// Distance from the origin to the plane, along the direction of travel.
     pub distance: i64,
     /// Size of the direction's component.
     pub component: i64,
@@ -53,21 +53,21 @@ impl Passage {
     }
 }
 
-/// A ray and a box of the finest level that it may pass through or miss: the question of [`Surface::predict`].
-/// Coordinates are mirrored so that the ray runs forwards along every axis; whole numbers.
+/// A ray and a box of the finest level that it may pass through or miss: the input of [`Surface::predict`]. Coordinates
+/// are mirrored so that the ray runs forwards along every axis; integers.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach {
     /// Breadth-first number of the box.
     pub box_number: u64,
-    /// Axes that are mirrored, as bits.
+    /// Mask of the mirrored axes.
     pub mirror: u32,
-    /// From the middle of the box to the ray's origin, in units of [`Ray::origin`].
+    /// Vector from the middle of the box to the ray's origin, in units of [`Ray::origin`].
     pub from_middle: [f64; 3],
-    /// The kind of [`Ray::direction`].
+    /// Direction in units of [`Ray::direction`].
     pub direction: [f64; 3],
 }
 
-/// A ray's way through a box, estimated: the question of [`Surface::look`].
+/// A ray's estimated way through a box: the input of [`Surface::look`].
 #[derive(Clone, Copy, Debug)]
 pub struct Glance {
     /// The ray and the box.
@@ -78,55 +78,54 @@ pub struct Glance {
     pub leave: f64,
 }
 
-/// A quick answer about a box.
+/// A quick result for a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Estimate {
-    /// The ray surely goes on.
+    /// The ray certainly goes on.
     Past,
-    /// It surely meets the surface as it enters.
+    /// The ray certainly hits the surface as it enters.
     Entry,
-    /// It surely meets it within, after `distance / component`: whole numbers.
+    /// The ray certainly hits the surface within, after `distance / component`: integers.
     Within {
-        /// From the origin, along the direction of travel.
+        /// Distance from the origin, along the direction of travel.
         distance: f64,
-        /// Above 0.
+        /// Component of the direction, positive.
         component: f64,
     },
-    /// That is for [`Surface::meet`] to say.
+    /// Uncertain: [`Surface::meet`] decides.
     Unsure,
 }
 
 /// The surface within the boxes of an octree.
 pub trait Surface: Send + Sync {
-    /// Is every box that a ray enters a hit, at its point of entry?
+    /// True if every box that a ray enters is a hit, at its point of entry.
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
     const SOLID: bool;
 
-    /// The answer of [`Surface::meet`] for a ray that passes through a box of the finest level, where that is
-    /// certain without knowing when it does; [`Estimate::Past`] also where it does not pass through. Never
-    /// [`Estimate::Entry`].
+    /// The result of [`Surface::meet`] for a ray and a box of the finest level, where it is certain without the time of
+    /// passage; [`Estimate::Past`] also where the ray misses the box. Never [`Estimate::Entry`].
     #[inline(always)]
     fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
         let _ = (view, approach);
         Estimate::Unsure
     }
 
-    /// The cells, if every box of the finest level is one and [`Surface::meet`] is about the surface within it: then
+    /// The cells, if every box of the finest level is one and [`Surface::meet`] tests the surface within it: then
     /// planes may be met without it.
     #[inline(always)]
     fn planes(&self) -> Option<CellItems<'_>> {
         None
     }
 
-    /// The answer of [`Surface::meet`] for a box of the finest level, if a glance makes it certain.
+    /// The result of [`Surface::meet`] for a box of the finest level, if the estimate makes it certain.
     #[inline(always)]
     fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let _ = (view, glance);
         Estimate::Unsure
     }
 
-    /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.
+    /// Hit of the ray with the surface, on its way through a box; `None` when it misses, and goes on.
     fn meet(&self, view: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit>;
 }
 

@@ -24,8 +24,8 @@ pub struct Hit {
     pub cell: [u32; 3],
     /// Base-2 logarithm of the box's edge; 0 for a voxel.
     pub edge_log2: u32,
-    /// Face by which the ray enters the box: of tied axes the first of x, y, z. `None` when the ray
-    /// starts within it, or meets the surface within.
+    /// Face by which the ray enters the box: of tied axes the first of x, y, z. `None` when the ray starts within it,
+    /// or meets the surface within.
     pub face: Option<Face>,
     /// Parameter of the hit along the ray as it was given to [`Ray::new`](super::ray::Ray::new): of the entry, or of the
     /// surface within.

@@ -1,7 +1,7 @@
 //! A ray and the walls between the labels of a cell (SPEC 4.12).
 //!
-//! Which side of each plane a ray is on as it enters and leaves is decided in integers, as [`super::cells`] does it. The
-//! planes that it crosses on its way are taken in their order, and the label on either side of each is asked for.
+//! A ray's side of each plane at entry and exit is decided in integers, as in [`super::cells`]. The planes that it
+//! crosses on its way are taken in their order, with the label on either side of each.
 
 use super::cells::Side;
 use super::ray::Ray;
@@ -9,19 +9,19 @@ use super::surface::Passage;
 use super::traverse::Hit;
 use crate::format::Walls;
 
-/// Labels that are not seen: they count as none.
+/// Hidden labels, which count as background.
 #[derive(Clone, Debug)]
 pub(crate) struct Hidden(Vec<u64>);
 
 impl Hidden {
-    /// Those with these numbers.
+    /// Hides labels with these numbers.
     pub(crate) fn of(numbers: impl Iterator<Item = u16>) -> Self {
         let mut bits = vec![0; 1 << 10];
         numbers.for_each(|number| bits[usize::from(number >> 6)] |= 1 << (number & 63));
         Self(bits)
     }
 
-    /// The label that is seen; 0 for none.
+    /// The visible label; 0 for a hidden one.
     #[inline]
     pub(crate) fn seen(&self, label: u16) -> u16 {
         let is_hidden = self.0.get(usize::from(label >> 6)).is_some_and(|bits| bits >> (label & 63) & 1 == 1);
@@ -29,7 +29,7 @@ impl Hidden {
     }
 }
 
-/// Where a ray that is in the label `from` as far as is seen comes to be in another one.
+/// Entry of a ray from the visible label `from` into another one.
 #[inline(never)]
 pub(super) fn meet(
     walls: &Walls,

@@ -1,8 +1,8 @@
 //! From rays to the bytes of a band of a picture: hits, normals and openness tile by tile, then light.
 //!
-//! A pixel's hit, normal and own openness depend on its own ray; its colour on those of the pixels around, too. So colours
-//! lag behind by a row of tiles, and two rows of tiles are kept from one band to the next. What a worker keeps from one
-//! pixel to the next it forgets at each row of tiles.
+//! A pixel's hit, normal and own openness depend on its own ray alone; its colour also on the pixels around. So colours
+//! lag behind by a row of tiles, and two rows of tiles are kept from one band to the next. A worker resets its state at
+//! each row of tiles.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -26,17 +26,17 @@ use super::body::Met;
 use super::paint::{Counts, FirstHits, Group, Painter, Seen, rays_of};
 use super::shade::{BEYOND_RIM, Branch, WorkerMemory};
 
-/// A pixel of a band: its hit, normal and openness, and the body and label that it shows.
+/// A pixel of a band: its hit, normal and openness, and the visible body and label.
 pub(super) type BandPixel = (PixelHit, [f32; 3], u8, Item);
 
-/// The number of a body, and of the label that is seen where that is not to be found from the hit alone.
+/// Number of the body, and of the visible label where the hit alone does not determine it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Item {
     pub(super) body: u16,
     pub(super) label: u16,
 }
 
-/// Pixels that saw something, each with its place.
+/// Pixels with a hit, each with its position.
 fn hits_of<T>(
     out: impl Iterator<Item = T>,
     row: impl Iterator<Item = Option<BandPixel>>,
@@ -44,26 +44,26 @@ fn hits_of<T>(
     out.zip(row).filter_map(|(out, seen)| Some((out, seen.filter(|(hit, ..)| hit.is_hit())?)))
 }
 
-/// A number in an image of them: the highest of 48 bits first.
+/// A number in an image of numbers: the highest of 48 bits first.
 #[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
 fn id_code(id: u64) -> [u16; 3] {
     [(id >> 32) as u16, (id >> 16) as u16, id as u16]
 }
 
-/// Hits of the rays through the middles of some rows' pixels, tile after tile. Memory: 29 bytes a pixel, 33 of several
-/// bodies.
+/// Hits of the rays through the middles of some rows' pixels, tile after tile. Memory: 29 bytes a pixel, 33 with
+/// several bodies.
 ///
-/// Rows are added below, and forgotten above when nothing looks at them any more: a pixel's colour depends on those around
-/// it, up to four rows away.
+/// Rows are added below, and dropped above once no pixel needs them: a pixel's colour depends on the pixels around it,
+/// up to four rows away.
 pub(super) struct Band {
     width: usize,
     tiles_across: usize,
-    /// First row of the picture; a multiple of [`TILE`].
+    /// First row of the band in the picture; a multiple of [`TILE`].
     first: usize,
     hits: Vec<PixelHit>,
-    /// Unit normals of the world that are shown.
+    /// Displayed unit normals, in world space.
     normals: Vec<[f32; 3]>,
-    /// How open the surroundings are, by each pixel's own rays.
+    /// Openness of the surroundings, by each pixel's own rays.
     open: Vec<u8>,
     /// Empty for one whole body.
     items: Vec<Item>,
@@ -77,7 +77,7 @@ impl Band {
         Self { width, tiles_across, first, hits, normals, open, items, has_items }
     }
 
-    /// Bytes of a pixel, and more of one of several bodies.
+    /// Bytes of a pixel, and further bytes with several bodies.
     pub(super) const PIXEL_BYTES: u64 = (size_of::<PixelHit>() + size_of::<[f32; 3]>() + 1) as u64;
     pub(super) const ITEM_BYTES: u64 = size_of::<Item>() as u64;
 
@@ -85,7 +85,7 @@ impl Band {
         self.tiles_across * TILE_PIXELS
     }
 
-    /// Adds rows of tiles without anything in them; the pixels before them.
+    /// Adds empty rows of tiles; returns the number of pixels before them.
     fn grow(&mut self, rows: usize) -> usize {
         let before = self.hits.len();
         let all = before + rows.div_ceil(TILE) * self.row_pixels();
@@ -105,7 +105,7 @@ impl Band {
         (x < self.width).then_some(tile * TILE_PIXELS + row % TILE * TILE + x % TILE)
     }
 
-    /// A pixel of the picture, if it lies here.
+    /// A pixel of the picture; `None` outside the band.
     #[inline]
     pub(super) fn at(&self, x: usize, y: usize) -> Option<BandPixel> {
         let at = self.index(x, y)?;
@@ -113,7 +113,7 @@ impl Band {
         Some((*self.hits.get(at)?, *self.normals.get(at)?, *self.open.get(at)?, item))
     }
 
-    /// Forgets the rows above one, a multiple of [`TILE`].
+    /// Drops the rows above `row`, a multiple of [`TILE`].
     pub(super) fn forget_above(&mut self, row: usize) {
         let past = ((row - self.first) / TILE * self.row_pixels()).min(self.hits.len());
         self.hits.drain(..past);
@@ -132,7 +132,7 @@ struct BandTile<'a> {
     items: &'a mut [Item],
 }
 
-/// The memory of a worker, from one pixel to the next.
+/// State of a worker, from one pixel to the next.
 pub(super) struct WorkerState {
     pub(super) tracer: Tracer,
     pub(super) memory: WorkerMemory,
@@ -147,7 +147,7 @@ impl WorkerState {
     }
 }
 
-/// Openness as it is kept.
+/// Stored form of an openness.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
 fn open_code(open: f64) -> u8 {
     (open * 255.0 + 0.5) as u8
@@ -206,7 +206,7 @@ impl Painter<'_> {
         counts.within(start.elapsed())
     }
 
-    /// Traces a tile of at most so many rows.
+    /// Traces a tile with a limited number of rows.
     fn look_at(
         &self,
         kept: &mut WorkerState,
@@ -248,7 +248,7 @@ impl Painter<'_> {
         counts
     }
 
-    /// Items, normals and openness of a tile's hits.
+    /// Fills in items, normals and openness of a tile's hits.
     fn fill_spots(&self, kept: &mut WorkerState, group: Group, met: &FirstHits, out: &mut BandTile<'_>) {
         let Group::Pixels(corner, _) = group else { return };
         for (ray, (number, met)) in met.iter().enumerate().filter_map(|(ray, met)| Some((ray, (*met)?))) {
@@ -270,7 +270,7 @@ impl Painter<'_> {
         }
     }
 
-    /// How open the surroundings of the hits of a body by itself are, by the unit normals of the world there. The number of
+    /// Measures the openness around the hits of a single body, by the world unit normals there. Returns the number of
     /// rays.
     fn look_around(&self, lot: &mut Lot, group: Group, met: &FirstHits, out: &mut BandTile<'_>) -> u64 {
         let (Some(sky), [body], Group::Pixels(corner, _)) = (&self.sky, &*self.stage.world.bodies, group)
@@ -324,8 +324,8 @@ impl Painter<'_> {
         traced
     }
 
-    /// Colours the rows of the picture from `top` on that `image` holds, which is blank, and adds what they show to
-    /// `seen`; `band` knows them and those around.
+    /// Colours the rows of the picture from `top` on in the blank `image`, and adds the visible items to `seen`; `band`
+    /// holds these rows and those around.
     pub(super) fn shade(
         &self,
         band: &Band,
@@ -390,8 +390,8 @@ impl Painter<'_> {
         counts
     }
 
-    /// The normal of a pixel, on the side of the stored one where that says that the surface is seen from outside: at a rim a
-    /// line may come in by a face that looks the other way.
+    /// The normal of a pixel, turned to the side of the stored one where that shows the outside of the surface: at a
+    /// rim a line may enter by a face that looks the other way.
     fn outside(&self, (hit, normal, _, item): BandPixel, [x, y]: [usize; 2]) -> [f64; 3] {
         let normal = normal.map(f64::from);
         let body = self.stage.world.bodies.get(usize::from(item.body));
@@ -401,7 +401,7 @@ impl Painter<'_> {
         if is_outside && dot(outward, normal) < 0.0 { normal.map(|c| -c) } else { normal }
     }
 
-    /// The number of the label that a pixel shows, of a model with labels.
+    /// The number of a pixel's visible label; `None` for a model without labels.
     fn label(&self, (hit, _, _, item): BandPixel, [x, y]: [usize; 2]) -> Option<u16> {
         let body = self.stage.world.bodies.get(usize::from(item.body))?;
         body.part.view().labels()?;
@@ -416,8 +416,8 @@ impl Painter<'_> {
         met.or_else(|| label_of(body.part.view(), hit))
     }
 
-    /// The number of what a pixel shows, from 1 on: of its label, or of its box. The models after the first have theirs
-    /// from 2^32 on, and so on.
+    /// Number of a pixel's visible label, or of its box, from 1 on. Numbers of the second model start at 2^32, and so
+    /// on.
     fn id(&self, pixel: BandPixel, at: [usize; 2]) -> u64 {
         let number = self.label(pixel, at).map_or(pixel.0.box_number().wrapping_add(1), u64::from);
         number + (u64::from(pixel.3.body) << 32)
@@ -474,7 +474,8 @@ impl Painter<'_> {
         counts
     }
 
-    /// Colours the hits of a tile from the band alone; `left` and `tile` are the columns of its patch, and its own there.
+    /// Colours the hits of a tile from the band alone; `left` and `tile` are the columns of its patch, and its own
+    /// columns there.
     fn shade_tile(
         &self,
         band: &Band,
@@ -520,7 +521,7 @@ impl Painter<'_> {
         }
     }
 
-    /// Colours the hits of a tile by all the rays that their light takes.
+    /// Colours the hits of a tile by tracing all the rays that their light needs.
     fn follow_tile(
         &self,
         kept: &mut WorkerState,

@@ -1,15 +1,15 @@
-//! A model in its place: where a line of the scene meets it.
+//! A model in its place: intersection with lines of the scene.
 //!
-//! A line is carried into the model's grid and rounded there, once; all that follows is whole numbers. What it meets is
-//! given as t along the line of the scene, so that bodies can be compared.
+//! A line is transformed to the model's grid and rounded there, once; all that follows is in integers. Intersections
+//! are given as t along the line of the scene, so that bodies can be compared.
 //!
-//! A line that starts at a body leaves the box around its start first ([`crate::render::leave`]). Beyond it a flat
-//! line may still meet steps of the stair that it started on. The normals tell: a line outside a solid comes in by faces
-//! that look at it, and goes out by faces that look along it. So within [`STAIR`] boxes of its start a hit whose stored
-//! normal says otherwise is a step of the stair, and is passed. That is asked in the frame of the body's own boxes,
-//! where its normals are as good as they were stored, however it is placed. Beyond that, every hit counts: a thin sheet
-//! has normals of one side only. Where no normals are stored, every hit counts as well, and the boxes on all sides of
-//! the start are left at once.
+//! A line that starts at a body leaves the box around its start first ([`crate::render::leave`]). Beyond it a flat line
+//! may still meet steps of the staircase of boxes that it started on. The normals reveal them: a line outside a solid
+//! enters through faces that look at it, and exits through faces that look along it. So within [`STAIR`] boxes of its
+//! start a hit whose stored normal contradicts this is a step of the staircase, and is skipped. The test is made in the
+//! frame of the body's own boxes, where its normals are as good as they were stored, however it is placed. Beyond that,
+//! every hit counts: a thin sheet has normals of one side only. Without stored normals every hit counts as well, and
+//! the boxes on all sides of the start are left at once.
 
 use std::sync::OnceLock;
 
@@ -34,25 +34,25 @@ use super::clip::{Clip, Span};
 use super::labels::Opacity;
 use super::material::{Colors, Material};
 
-/// How far from its start, in boxes, a line is held to the side that it runs on.
+/// Distance from its start, in boxes, up to which a line is held to the side that it runs on.
 const STAIR: f64 = 32.0;
 
-/// Most steps that a line passes: a line changes its box three times in each at most.
+/// Most steps that a line skips: a line changes its box at most three times in each.
 const MAX_STEPS: u32 = 128;
 
-/// How far along a line a normal of unit length may look and still be across it: normals are stored to within a degree,
-/// and estimated to within two or three.
+/// Largest component along a line of a unit normal that still counts as across it: normals are stored to within a
+/// degree, and estimated to within two or three.
 const ACROSS: f64 = 0.05;
 
-/// How far apart, in boxes, the boxes of one wall along a line are at most.
+/// Largest distance along a line, in boxes, between boxes of one wall.
 const WALL: f64 = 1.75;
 
-/// A model, its place in the scene, and what it is made of.
+/// A model, its place in the scene, and its material.
 #[derive(Debug)]
 pub struct Part<'a> {
     view: &'a ModelView<'a>,
     space: GridSpace,
-    /// Models of one file have one number.
+    /// Number of the file: models of one file share it.
     file: usize,
     material: Material,
     colors: Option<Colors<'a>>,
@@ -61,12 +61,12 @@ pub struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    /// A model with this affine, from its millimetres put into the scene by `placement`.
+    /// A model with this affine, moved by `placement` from its own millimetres to the scene.
     ///
-    /// Instances of a file share their `view`, and have the same number of a `file`.
+    /// Instances of a file share their `view`, and have the same `file` number.
     ///
     /// # Errors
-    /// [`RenderError`] where that leaves it without a volume.
+    /// [`RenderError`] if the placement leaves it without a volume.
     pub fn new(
         (view, file): (&'a ModelView<'a>, usize),
         dims: Dims,
@@ -86,7 +86,7 @@ impl<'a> Part<'a> {
         })
     }
 
-    /// A model where its affine has it, in colours of its own, if it has them.
+    /// A model in the place of its affine, in its own colours, if it has them.
     ///
     /// # Errors
     /// [`RenderError`] where its axes span no volume.
@@ -96,36 +96,36 @@ impl<'a> Part<'a> {
         Ok(Self { view, space, file: 0, material, colors, opacity: None, clip })
     }
 
-    /// This model in another material, and cut.
+    /// This model with another material and cut.
     #[must_use]
     pub(crate) fn made_of(self, material: Material, clip: Clip) -> Self {
         Self { material, clip, ..self }
     }
 
-    /// True if its colours are those of measured values.
+    /// True if its colours show measured values.
     pub(crate) fn shows_values(&self) -> bool {
         matches!(self.colors, Some(Colors::Stored)) && self.view.value_colors().is_some()
     }
 
-    /// The same, in colours of the model.
+    /// This model in other colours.
     #[must_use]
     pub(crate) fn colored(self, colors: Option<Colors<'a>>) -> Self {
         Self { colors, ..self }
     }
 
-    /// The same, with labels, of which some may be hidden or not solid.
+    /// This model with labels, some of which may be hidden or not solid.
     #[must_use]
     pub(crate) fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
         Self { opacity, ..self }
     }
 
-    /// True if some labels let through a part of the light, but are seen.
+    /// True if some labels let a part of the light through, but are visible.
     pub(super) fn is_translucent(&self) -> bool {
         self.opacity.as_ref().is_some_and(Opacity::is_translucent)
     }
 
-    /// The level at which it is shown where this one is asked for: 0 if labels of single voxels matter, since some are not
-    /// solid or are cut open.
+    /// The level shown when `asked` is requested: 0 if labels of single voxels matter, since some are not solid or are
+    /// cut open.
     pub(crate) fn level(&self, asked: u32) -> u32 {
         let is_exact = self.is_dimmed() || self.opacity.is_some() && !self.clip.is_empty();
         if is_exact { 0 } else { asked }
@@ -136,7 +136,7 @@ impl<'a> Part<'a> {
         self.opacity.as_ref().is_some_and(|opacity| !opacity.is_solid())
     }
 
-    /// The label that a line sees at a hit: of a wall between two the one behind, or where that is hidden the one before.
+    /// The visible label at a hit: at a wall between two, the one behind, or where that is hidden the one before.
     fn label(&self, line: Line, hit: &Hit) -> Option<u16> {
         let (opacity, voxel) = (self.opacity.as_ref()?, hit.voxel(self.view)?);
         let [before, behind] = self.beside(&self.view.walls(voxel)?, line, hit);
@@ -150,7 +150,7 @@ impl<'a> Part<'a> {
         [way.map(|c| -c), way].map(|way| walls.met(u, way, NEAR_WALL).0)
     }
 
-    /// The labels that sight does not meet, of a model with labels.
+    /// The labels invisible to sight; `None` for a model without labels.
     pub(super) fn hidden(&self) -> Option<&Hidden> {
         Some(self.opacity.as_ref()?.hidden(true))
     }
@@ -161,7 +161,7 @@ impl<'a> Part<'a> {
         self.opacity.as_ref().and_then(part).unwrap_or(1.0)
     }
 
-    /// The number of the label that a line sees at a hit; 0 without one.
+    /// The number of the visible label at a hit; 0 without one.
     pub(super) fn label_number(&self, line: Line, hit: &Hit) -> u16 {
         self.label(line, hit).unwrap_or(0)
     }
@@ -171,17 +171,17 @@ impl<'a> Part<'a> {
         self.opacity.as_ref().filter(|_| self.colors.is_some())?.color(label).map(linear_of)
     }
 
-    /// Greatest `direction . p` over its points p, in mm.
+    /// Greatest `direction . p` over the model's points p, in mm.
     pub(crate) fn support(&self, direction: [f64; 3]) -> f64 {
         self.space.support(self.view, direction)
     }
 
-    /// [`Part::support`] of what is inside, as `oct info` measures extents.
+    /// [`Part::support`] of the inside, as `oct info` measures extents.
     pub(crate) fn support_of_inside(&self, direction: [f64; 3]) -> f64 {
         self.space.support_of_inside(self.view, direction)
     }
 
-    /// [`Part::support`] of boxes of 2^`finest` voxels.
+    /// [`Part::support`] with boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32) -> f64 {
         self.space.support_to(self.view, direction, finest)
     }
@@ -214,12 +214,12 @@ pub(super) enum Side {
     Inside,
 }
 
-/// Where on a body a line starts.
+/// Start of a line on a body.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Start {
-    /// At its surface, on this side of it.
+    /// At the surface, on this side of it.
     Surface { hit: Hit, side: Side },
-    /// Where this plane cuts it.
+    /// At the cut by this plane.
     Cut { plane: usize },
     /// Behind a wall of a label that is not solid.
     Through { hit: Hit },
@@ -228,9 +228,9 @@ pub(super) enum Start {
 /// Purpose of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
-    /// Sight meets every label that is not hidden.
+    /// Sight, which meets every label that is not hidden.
     Sight,
-    /// Light meets the solid ones.
+    /// Light, which meets the solid labels.
     Light,
 }
 
@@ -239,7 +239,7 @@ pub(super) enum Purpose {
 pub(super) enum Met {
     /// The surface; t of the hit is along the line.
     Surface(Hit),
-    /// Matter that a plane cut open, and its label, if it has one.
+    /// The interior cut open by a plane, with its label, if it has one.
     Cut { plane: usize, t: f64, label: Option<u16> },
 }
 
@@ -252,12 +252,12 @@ impl Met {
     }
 }
 
-/// The part of a line within a box of the surface, as far as that is inside.
+/// The inside segment of a line within a box of the surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
-    /// Its beginning.
+    /// Hit at its beginning.
     pub(super) hit: Hit,
-    /// t of its end.
+    /// t at its end.
     pub(super) leave: f64,
     /// True if it ends within the box.
     is_open: bool,
@@ -267,21 +267,21 @@ pub(super) struct Stretch {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
     line: Line,
-    /// t where it starts.
+    /// t at its start.
     least: f64,
     span: Span,
     purpose: Purpose,
-    /// Where it left the body last, and on which side it runs.
+    /// Hit where the line left the body last, and the side that it runs on.
     from: Option<(Hit, Side)>,
 }
 
-/// A line before its ray is traced.
+/// Result for a line before its ray is traced.
 enum Begun {
     Met(Met),
     Way(Way),
 }
 
-/// A part with what its lines need.
+/// A part with the data that its lines need.
 #[derive(Debug)]
 pub(super) struct Body<'a> {
     pub(super) part: &'a Part<'a>,
@@ -292,19 +292,19 @@ pub(super) struct Body<'a> {
     pub(super) form: Form,
     /// Base-2 logarithm of the edge of nodes that count as surface.
     pub(super) level: u32,
-    /// Boxes around its start's own that a line leaves at once.
+    /// Boxes around the starting box that a line leaves at once.
     reach: u32,
-    /// The surface lies between these two corners of the grid, one box aside; found by the first line that goes alone.
+    /// Corners of the grid that enclose the surface with a margin of one box; found by the first line that goes alone.
     bounds: OnceLock<[[f64; 3]; 2]>,
 }
 
 impl<'a> Body<'a> {
-    /// With boxes of `2^level` voxels as its surface, as far as [`Part::level`] lets it.
+    /// A body with boxes of `2^level` voxels as its surface, as far as [`Part::level`] allows.
     pub(super) fn of(part: &'a Part<'a>, form: Form, smoothing: Smoothing, level: u32) -> Self {
         let dimmed = part.opacity.as_ref().filter(|opacity| !opacity.is_solid());
         let level = part.level(level);
         let cells = |of_sight: bool| {
-            // Coarse boxes are solid, also those of cells, but for larger leaves among them.
+            // Coarse boxes are solid, in models of cells as well, except for larger leaves among them.
             let items = part.view.cells().filter(|_| level == 0 || part.view.has_leaves())?;
             let hidden = dimmed.map(|opacity| opacity.hidden(of_sight));
             Some(hidden.map_or(Cells::new(items), |hidden| Cells::new(items).hiding(hidden, 0)))
@@ -322,7 +322,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// A hit as a pixel keeps it, and the label that is seen there where some are not solid; else 0.
+    /// The stored form of a hit in a pixel, and the visible label there where some are not solid; else 0.
     pub(super) fn pixel(&self, line: Line, met: &Met) -> (PixelHit, u16) {
         match met {
             Met::Cut { plane, t, label } => (PixelHit::cut(*plane, *t, label.unwrap_or(0)), 0),
@@ -359,13 +359,13 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// True if a line of the grid passes the surface by, a box away or more.
+    /// True if a line of the grid misses the surface by a box or more.
     fn passes_by(&self, origin: [f64; 3], direction: [f64; 3]) -> bool {
         let [low, high] = *self.bounds.get_or_init(|| bounds(self.part));
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for a in 0..3 {
             let (one, other) = ((low[a] - origin[a]) / direction[a], (high[a] - origin[a]) / direction[a]);
-            // A line along a wall divides by 0, and has no number where it starts in one: such are not compared.
+            // A line along a wall divides by 0, which gives NaN if it starts in one: such values are not compared.
             if one < other {
                 (enter, leave) = (enter.max(one), leave.min(other));
             } else if other < one {
@@ -383,7 +383,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// First hits of rays of the grid, which are those of light.
+    /// First hits of rays of light in the grid.
     pub(super) fn nearest(&self, batch: &mut Batch, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
         match &self.solids {
             Some(cells) => batch.nearest(self.part.view, cells, rays, self.level, hits),
@@ -391,13 +391,13 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// A line from t = `least` on, or from where it leaves the boxes around `from`, as a ray of the grid; and t where the
-    /// ray's own begins. `None` where it passes the surface by.
+    /// A line from t = `least` on, or from its exit from the boxes around `from`, as a ray of the grid; and t at the
+    /// ray's start. `None` if it misses the surface.
     pub(super) fn ray(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<(Ray, f64)> {
         self.ray_beyond(line, least, from.map(|hit| (hit, self.reach)))
     }
 
-    /// [`Body::ray`] that leaves so many boxes around the one that it starts from.
+    /// Like [`Body::ray`], leaving this many boxes around the one that it starts from.
     fn ray_beyond(&self, line: Line, least: f64, from: Option<(&Hit, u32)>) -> Option<(Ray, f64)> {
         let space = &self.part.space;
         let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
@@ -419,7 +419,7 @@ impl<'a> Body<'a> {
         Some(Hit { t: before + hit.t, ..hit })
     }
 
-    /// The first place where a line meets the body, between two values of t.
+    /// The first intersection of a line with the body, between two values of t.
     pub(super) fn meet(
         &self,
         purpose: Purpose,
@@ -459,8 +459,8 @@ impl<'a> Body<'a> {
         Some(Begun::Way(Way { line, least: limits[0], span, purpose, from }))
     }
 
-    /// The way of a line that a batch of rays is to tell: its ray, and t where that begins. `Err` where it is known
-    /// already what the line meets.
+    /// The way of a line for a batch of rays: its ray, and t at the ray's start. `Err` with the result if it is already
+    /// known.
     pub(super) fn set_out(
         &self,
         line: Line,
@@ -469,7 +469,7 @@ impl<'a> Body<'a> {
     ) -> Result<(Way, Ray, f64), Option<Met>> {
         match self.begin(Purpose::Light, line, limits, start) {
             Some(Begun::Way(way)) => {
-                // As in pictures of one model: its own steps do not darken a surface.
+                // As in pictures of one model: a surface is not darkened by its own steps.
                 let reach = if way.from.is_some() { REACH } else { self.reach };
                 let from = left(&way, start).map(|hit| (hit, reach));
                 let (ray, before) = self.ray_beyond(line, way.span.enter, from).ok_or(None)?;
@@ -480,7 +480,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Where a way ends whose ray has this first hit, t along the line: past the steps of its own stair.
+    /// Resolves a way whose ray has this first hit, t along the line: skips the steps of its own staircase.
     pub(super) fn follow(&self, way: Way, first: Option<Hit>) -> Option<Met> {
         let Way { line, least, span, purpose, mut from } = way;
         let mut found = first;
@@ -488,7 +488,7 @@ impl<'a> Body<'a> {
         let mut steps = 0..MAX_STEPS;
         loop {
             let Some(hit) = found else {
-                // A line within comes out somewhere: where nothing follows, what was passed last was no step.
+                // A line within must exit somewhere: if nothing follows, the hit skipped last was not a step.
                 return passed.map(Met::Surface);
             };
             if hit.t > span.leave {
@@ -530,12 +530,12 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Unit vector out of the body, as its normals have it, at a hit of a line.
+    /// Unit vector out of the body, by its normals, at a hit of a line.
     pub(super) fn outward(&self, line: Line, hit: Hit) -> Option<[f64; 3]> {
         self.normals.outward(self.normals.seen(&hit, || line))
     }
 
-    /// The same, blended between the boxes around.
+    /// Like [`Self::outward`], blended between the boxes around.
     pub(super) fn smooth_outward(&self, around: &mut Surroundings, line: Line, hit: Hit) -> Option<[f64; 3]> {
         let seen = self.normals.seen(&hit, || line);
         self.normals.smooth_outward(around, seen, line)
@@ -553,14 +553,14 @@ impl<'a> Body<'a> {
         found
     }
 
-    /// Inside segments of a line of this length within every box of the surface. A line in the other direction finds their
-    /// ends.
+    /// Inside segments of a line of this length within every box of the surface. A line in the other direction finds
+    /// their ends.
     pub(super) fn stretches(&self, line: Line, length: f64) -> Vec<Stretch> {
         let back = self.hits((add_scaled(line.0, length, line.1), line.1.map(|c| -c)));
         let mut ends = back.iter().rev();
         let of = |hit: Hit| {
             let mut ahead = ends.clone();
-            // A corner that is touched may be of one list alone.
+            // A corner that is only touched may be in one list alone.
             let end = ahead.by_ref().take(8).find(|end| end.box_number == hit.box_number);
             let Some(end) = end else { return Stretch { hit, leave: hit.t, is_open: true } };
             ends = ahead;
@@ -569,10 +569,11 @@ impl<'a> Body<'a> {
         self.hits(line).into_iter().map(of).collect()
     }
 
-    /// Matter between two stretches of a line, one after the other, as a box of the wall around it.
+    /// The interior between two consecutive stretches of a line, as a box of the wall around it; `None` outside.
     ///
-    /// Next to each other, of cells by where the line leaves the one and enters the other, of voxels by their normals. Farther
-    /// apart that may mislead, as planes of neighbouring cells do not quite meet: lines along all axes say more.
+    /// For neighbouring boxes, decided in cells by the points where the line leaves one and enters the other, in voxels
+    /// by their normals. For boxes farther apart that may mislead, as planes of neighbouring cells do not quite meet:
+    /// lines along all axes decide.
     pub(super) fn between(&self, line: Line, one: &Stretch, other: &Stretch) -> Option<Hit> {
         let ends = match self.cells {
             Some(_) => Some((!one.is_open, other.hit.face.is_some())),
@@ -590,7 +591,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
+    /// The cut face where a line enters by a plane, if the plane has a cap.
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
@@ -600,13 +601,14 @@ impl<'a> Body<'a> {
             self.within(at, false)?;
             None
         };
-        // Not what is hidden.
+        // Hidden labels have no cut face.
         let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
         (part > 0.0).then_some(Met::Cut { plane, t: span.enter, label })
     }
 
-    /// A box of the wall around a point that is within: where lines along all six axes meet the surface, or some of them where
-    /// that may be open, and more of them from within than from outside; or in a box of the surface.
+    /// A box of the wall around an inside point; `None` outside. A point is inside if lines along all six axes meet the
+    /// surface from within, or, where the surface may be open, more of them from within than from outside; or if it
+    /// lies in a box of the surface.
     fn within(&self, at: [f64; 3], may_be_open: bool) -> Option<Hit> {
         let mut exit = None;
         let mut votes = 0;
@@ -642,7 +644,7 @@ fn left<'h>(way: &'h Way, start: Option<&'h Start>) -> Option<&'h Hit> {
     }
 }
 
-/// Corners of the grid between which the surface lies, and a box more.
+/// Corners of the grid that enclose the surface, with a margin of one box.
 fn bounds(part: &Part<'_>) -> [[f64; 3]; 2] {
     let mut found = [[0.0; 3]; 2];
     for (a, [x, y, z, constant]) in part.space.world_to_grid().rows.into_iter().enumerate() {

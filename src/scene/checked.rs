@@ -7,12 +7,12 @@ use crate::text::{Short, color, shown};
 
 use super::fault::{Key, Table};
 
-/// Lengths and places in mm.
+/// Limit of lengths and coordinates, in mm.
 pub(super) const FAR: f64 = 1e12;
-/// Strength of light.
+/// Limit of the strength of light.
 const STRONG: f64 = 1e6;
 
-/// Looks after the values of one table.
+/// Checks the values of one table.
 pub(super) struct Checked(pub(super) Table);
 
 impl Checked {
@@ -75,7 +75,7 @@ impl Checked {
         color(text).map(linear_of).map_err(|wrong| bad!("{}: {wrong}", self.key(name)))
     }
 
-    /// Light of some colour and strength.
+    /// Light from a colour and a strength.
     pub(super) fn light(
         &self,
         color: Option<&str>,

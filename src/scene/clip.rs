@@ -1,25 +1,25 @@
-//! Cuts: planes beyond which nothing of a body is left.
+//! Cuts: planes beyond which a body is removed.
 
 use crate::geom::dot;
 
-/// A convex part of the world: where `normal . p <= limit` for every plane.
+/// A convex part of the world: points with `normal . p <= limit` for every plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     planes: Vec<CutPlane>,
 }
 
-/// A plane that cuts.
+/// A cutting plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutPlane {
-    /// Unit vector towards what is cut away.
+    /// Unit vector towards the removed side.
     pub normal: [f64; 3],
-    /// Distance of the plane from the world's origin along that, in mm.
+    /// Distance of the plane from the world's origin along the normal, in mm.
     pub limit: f64,
-    /// Linear RGB of what it cuts open; `None` leaves that open.
+    /// Linear RGB of the cut face; `None` leaves it open.
     pub cap: Option<[f64; 3]>,
 }
 
-/// Where a line is within what is left: t of its entry and exit, and the plane that it enters by.
+/// Part of a line within the remaining space: t of its entry and exit, and the plane that it enters by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
     pub(super) enter: f64,
@@ -28,7 +28,7 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// A part of a line that no plane cuts.
+    /// A part of a line without cuts.
     pub(super) const fn of([enter, leave]: [f64; 2]) -> Self {
         Self { enter, leave, by: None }
     }
@@ -56,8 +56,8 @@ impl Clip {
         Self { planes: self.planes.iter().chain(&other.planes).copied().collect() }
     }
 
-    /// The part of a line from `limits[0]` to `limits[1]` within what is left; `None` where nothing of it is. A line
-    /// that starts on plane `on` and runs out of what is left is not within, however its start was rounded.
+    /// The part of a line from `limits[0]` to `limits[1]` within the remaining space; `None` if it is empty. A line
+    /// that starts on plane `on` and runs out of that space is outside, however its start was rounded.
     pub(super) fn span(
         &self,
         (origin, direction): ([f64; 3], [f64; 3]),
@@ -100,7 +100,7 @@ mod tests {
         assert_eq!(clip.span(([0.0; 3], x), all, None).unwrap(), Span { enter: 0.0, leave: 5.0, by: None });
         assert!(clip.span(([6.0, 0.0, 0.0], x), all, None).is_none());
         assert!(clip.span(([6.0, 0.0, 0.0], [0.0, 1.0, 0.0]), all, None).is_none());
-        // A start on a plane is within or out of it by where the line goes.
+        // A start on a plane counts as inside or outside by the line's direction.
         assert!(clip.span(([5.0, 0.0, 0.0], x), all, Some(0)).is_none());
         let back = clip.span(([5.000_000_1, 0.0, 0.0], [-1.0, 0.0, 0.0]), all, Some(0)).unwrap();
         assert!(back.enter == 0.0 && (back.leave - 7.0).abs() < 1e-6 && back.by.is_none());

@@ -1,11 +1,11 @@
-//! The text of a scene: its keys as they are written, before they are checked. `SCENES.md` says what they mean.
+//! The text of a scene: its keys as written, before they are checked. `SCENES.md` documents them.
 
 use std::collections::BTreeMap;
 
 use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer};
 
-/// A list of so many numbers, no more: TOML's reader leaves out those behind.
+/// A list of exactly `N` numbers: TOML's reader ignores any that follow.
 fn exact<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
     from: D,
 ) -> Result<[T; N], D::Error> {
@@ -14,7 +14,7 @@ fn exact<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
     given.try_into().map_err(|_| D::Error::custom(format!("{N} numbers belong here, not {count}")))
 }
 
-/// [`exact`] of a key that may be absent.
+/// [`exact`] for a key that may be absent.
 fn some<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
     from: D,
 ) -> Result<Option<[T; N]>, D::Error> {
@@ -26,12 +26,12 @@ fn some<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
 #[serde(transparent)]
 struct Row<const N: usize>(#[serde(deserialize_with = "exact")] [f64; N]);
 
-/// A list of lists of which each has so many numbers.
+/// A list of lists of `N` numbers each.
 fn rows<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<Vec<[f64; N]>, D::Error> {
     Ok(Vec::<Row<N>>::deserialize(from)?.into_iter().map(|row| row.0).collect())
 }
 
-/// [`rows`] of a key that may be absent, so many.
+/// [`rows`] for a key that may be absent, with `M` lists.
 fn some_rows<'de, D: Deserializer<'de>, const N: usize, const M: usize>(
     from: D,
 ) -> Result<Option<[[f64; N]; M]>, D::Error> {
@@ -122,7 +122,7 @@ pub(super) struct LightKeys {
     pub(super) shadows: Option<bool>,
 }
 
-/// A point of a model that scaling and turning leave where it is.
+/// A point of a model that scaling and turning leave in place.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged, expecting = "a pivot is a name or three numbers")]
 pub(super) enum PivotKey {
@@ -172,11 +172,11 @@ pub(super) enum LabelKey {
     Text(String),
 }
 
-/// A channel that gives colours.
+/// A channel as the source of colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum ChannelName {
-    /// None, also for presets with one.
+    /// No channel, overriding a preset's.
     None,
     Color,
     Value,

@@ -13,19 +13,19 @@ use crate::text::shown;
 #[derive(Debug, Error)]
 #[error("{}: {fault}", shown(.path))]
 pub struct SceneError {
-    /// The text's file.
+    /// Path of the text.
     pub(crate) path: PathBuf,
     /// The fault.
     pub(crate) fault: Fault,
 }
 
 impl SceneError {
-    /// Who has to act on it, hence the exit code.
+    /// Kind of the error, which decides the exit code.
     pub(crate) fn kind(&self) -> ExitKind {
         ExitKind::Input
     }
 
-    /// The text's file.
+    /// Path of the text.
     pub fn path(&self) -> Option<&Path> {
         Some(&self.path)
     }
@@ -34,7 +34,7 @@ impl SceneError {
 /// A table of the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Table {
-    /// None of them: the text's own keys.
+    /// The text's own keys, outside all tables.
     Top,
     Camera,
     Ambient,
@@ -63,9 +63,9 @@ impl fmt::Display for Table {
 /// A key of the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Key {
-    /// The table that it stands in.
+    /// Table of the key.
     pub table: Table,
-    /// Its name.
+    /// Name of the key.
     pub name: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! Which labels of a model are seen, and how much of the light they stop.
+//! Visibility of a model's labels, and the part of the light that they stop.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,18 +7,18 @@ use crate::format::{Label, LabelItems};
 use crate::render::walls::Hidden;
 use crate::text::shown;
 
-/// Some labels of a model.
+/// A selection of a model's labels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LabelPick {
     /// Every label.
     All,
-    /// Those with these numbers, both ends included.
+    /// Labels with numbers in this range, both ends included.
     Numbers([u16; 2]),
-    /// Those with this name; upper and lower case are alike.
+    /// Labels with this name, ignoring case.
     Name(String),
 }
 
-/// Written as `all`, `5`, `7..20`, or a name.
+/// Parses `all`, `5`, `7..20`, or a name.
 impl FromStr for LabelPick {
     type Err = String;
 
@@ -35,7 +35,7 @@ impl FromStr for LabelPick {
     }
 }
 
-/// Spelled as it is read.
+/// Spelled as it is parsed.
 impl fmt::Display for LabelPick {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -48,7 +48,7 @@ impl fmt::Display for LabelPick {
 }
 
 impl LabelPick {
-    /// True if a label is among them.
+    /// True if a label is selected.
     pub fn contains(&self, label: &Label) -> bool {
         match self {
             Self::All => true,
@@ -58,28 +58,28 @@ impl LabelPick {
     }
 }
 
-/// How much of the light some labels stop: 0 hides them, 1 shows them as solid.
+/// Opacity of some labels: 0 hides them, 1 shows them as solid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelRule {
     /// The labels.
     pub labels: LabelPick,
-    /// Part of the light, 0..=1.
+    /// Part of the light that is stopped, 0..=1.
     pub opacity: f64,
 }
 
-/// How much of the light each label of a model stops.
+/// Opacity of each label of a model.
 #[derive(Clone, Debug)]
 pub struct Opacity<'a> {
     labels: LabelItems<'a>,
-    /// By number; 1 of all others.
+    /// Opacity by number; 1 for all others.
     parts: Vec<(u16, f64)>,
-    /// Labels that sight does not meet, and those that light does not.
+    /// Labels invisible to sight, and labels that do not stop light.
     unseen: Hidden,
     clear: Hidden,
 }
 
 impl<'a> Opacity<'a> {
-    /// By these rules, of which later ones count before earlier ones.
+    /// Opacities by these rules; later ones override earlier ones.
     ///
     /// # Errors
     /// The rule that applies to none of the labels in `table`.
@@ -102,7 +102,7 @@ impl<'a> Opacity<'a> {
         Ok(Self { labels, parts, unseen, clear })
     }
 
-    /// True if some label lets through a part of the light, but not all.
+    /// True if some label lets a part of the light through, but not all.
     pub(super) fn is_translucent(&self) -> bool {
         self.parts.iter().any(|part| part.1 > 0.0)
     }
@@ -112,7 +112,7 @@ impl<'a> Opacity<'a> {
         self.parts.is_empty()
     }
 
-    /// The part of the light that a label stops; 0 of none.
+    /// The part of the light that a label stops; 0 for background.
     pub(super) fn part(&self, label: u16) -> f64 {
         match self.parts.binary_search_by_key(&label, |part| part.0) {
             _ if label == 0 => 0.0,
@@ -126,7 +126,7 @@ impl<'a> Opacity<'a> {
         self.labels.named(label).map(|label| label.color)
     }
 
-    /// Labels that are as none to sight, or to light.
+    /// Labels that count as background for sight, or for light.
     pub(super) fn hidden(&self, from_sight: bool) -> &Hidden {
         if from_sight { &self.unseen } else { &self.clear }
     }

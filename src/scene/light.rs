@@ -1,4 +1,4 @@
-//! Where light comes from.
+//! Sources of light.
 
 use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
@@ -7,7 +7,7 @@ use crate::render::shade::towards_key;
 /// A light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Where it is.
+    /// Position or direction.
     pub kind: LightKind,
     /// Linear RGB, its strength included.
     pub color: [f64; 3],
@@ -15,7 +15,7 @@ pub struct Light {
     pub shadows: bool,
 }
 
-/// Where a light is.
+/// Position or direction of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
     /// At the eye; with a parallel camera, it shines along the line of sight.
@@ -24,24 +24,24 @@ pub enum LightKind {
     Key,
     /// Far away.
     Directional {
-        /// Unit vector towards it.
+        /// Unit vector towards the light.
         towards: [f64; 3],
     },
-    /// At a point; it is as strong near as far.
+    /// At a point, with the same strength at any distance.
     Point {
-        /// Where, in mm.
+        /// Position in mm.
         at: [f64; 3],
     },
 }
 
-/// Light from everywhere.
+/// Ambient light, from all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ambient {
     /// Linear RGB, its strength included.
     pub color: [f64; 3],
-    /// Rays of a pixel that tell how open its surroundings are; 0 takes them for open.
+    /// Rays of a pixel for ambient occlusion; 0 counts the surroundings as open.
     pub rays: u32,
-    /// How far in mm those look.
+    /// Length of these rays in mm.
     pub reach_mm: f64,
 }
 
@@ -57,13 +57,13 @@ const KEY_COLOR: [f64; 3] = [0.70, 0.68, 0.65];
 const FILL_COLOR: [f64; 3] = [0.25; 3];
 
 impl Light {
-    /// The lamps of a scene that has no others: a key lamp, and one at the eye.
+    /// The default lamps of a scene: a key lamp, and one at the eye.
     pub(super) fn usual() -> Vec<Self> {
         let lamp = |kind, color| Self { kind, color, shadows: false };
         vec![lamp(LightKind::Key, KEY_COLOR), lamp(LightKind::Head, FILL_COLOR)]
     }
 
-    /// The way there from a point; `None` at the light itself.
+    /// The way to the light from a point; `None` at the light itself.
     pub(super) fn way(&self, from: [f64; 3], camera: &Camera) -> Option<Way> {
         let to = |at: [f64; 3]| {
             let way = add_scaled(at, -1.0, from);

@@ -1,14 +1,14 @@
-//! The materials of bodies, and where their colour comes from.
+//! The materials of bodies, and the sources of their colour.
 
 use crate::format::Channel;
 use crate::load::{Items, Model, ModelView};
 use crate::render::colors::has_colors;
 use crate::render::shade::{SURFACE, linear_of};
 
-/// A surface's effect on light. Colours are linear RGB.
+/// Optical properties of a surface. Colours are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
-    /// Colour of a surface in full light; of what is clear, the colour that it gives to the light that passes through.
+    /// Colour of a surface in full light; for a clear material, the tint of transmitted light.
     pub color: [f64; 3],
     /// Strength of the diffuse reflection, 0..=1.
     pub diffuse: f64,
@@ -35,7 +35,7 @@ const MATTE: Material = Material {
     index: 1.0,
 };
 
-/// Materials by name, in the order in which they are listed.
+/// Materials by name, in the order of listings.
 pub(crate) const PRESETS: &[(&str, Material)] = &[
     ("matt", MATTE),
     ("bone", Material { specular: 0.15, exponent: 24, ..MATTE }),
@@ -62,26 +62,25 @@ pub(crate) const PRESETS: &[(&str, Material)] = &[
     ("ct-bone", Material { specular: 0.15, exponent: 24, ..MATTE }),
 ];
 
-/// Where the colour of a surface comes from: of its matte light; what mirrors and what is clear keep the material's.
-/// Colours are linear RGB.
+/// Source of a surface's diffuse colour; reflections and clear bodies keep the material's. Colours are linear RGB.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Coloring {
-    /// The material's own.
+    /// The material's own colour.
     #[default]
     Own,
-    /// The colour that the model stores, or that of its label.
+    /// The stored colour of the model, or the colour of its label.
     Stored,
-    /// By what the volume holds there, in its own unit (a CT: Hounsfield units): values that rise, and their colours;
-    /// between two of them mixed.
+    /// Colour by the volume's value there, in its own unit (CT: Hounsfield units): ascending values with their colours,
+    /// interpolated between them.
     Values(Vec<(f64, [f64; 3])>),
-    /// By number of the material that the model stores; others have the material's own.
+    /// Colour by the model's stored material number; others have the material's own.
     Labels(Vec<(u8, [f64; 3])>),
 }
 
 /// A transfer function by name: values and `0xrrggbb` in sRGB.
 type Ramp = (&'static str, &'static [(f64, u32)]);
 
-/// Presets whose colour comes from a CT's values: what the rest of it is made of is [`PRESETS`]'.
+/// Presets with colours from a CT's values; their other properties are in [`PRESETS`].
 const RAMPS: &[Ramp] = &[
     // Lung, fat, muscle, contrast medium, spongy and hard bone, metal.
     (
@@ -125,7 +124,7 @@ impl Coloring {
         }
     }
 
-    /// The channel that it needs.
+    /// The channel that the colouring needs.
     pub(crate) fn channel(&self) -> Option<Channel> {
         match self {
             Self::Own => None,
@@ -139,13 +138,13 @@ impl Coloring {
 /// Colours of a model's voxels or cells.
 #[derive(Clone, Debug)]
 pub enum Colors<'a> {
-    /// Those that it stores, or those of its labels.
+    /// Stored colours, or the colours of its labels.
     Stored,
-    /// By a channel.
+    /// Colours by a channel.
     Channel {
         /// The channel's items.
         items: Items<'a>,
-        /// Slope and intercept from what is stored to the volume's unit.
+        /// Slope and intercept from stored items to the volume's unit.
         scale: [f64; 2],
         /// Colours by value or number.
         coloring: Coloring,
@@ -153,7 +152,7 @@ pub enum Colors<'a> {
 }
 
 impl<'a> Colors<'a> {
-    /// For a model; `None` where it lacks the channel, or where none is needed.
+    /// The colours of a model; `None` if it lacks the channel, or if no channel is needed.
     pub fn of<D: AsRef<[u8]>>(model: &'a Model<D>, coloring: &Coloring) -> Option<Self> {
         match coloring.channel()? {
             Channel::Color => Self::stored(&model.view()),
@@ -165,12 +164,12 @@ impl<'a> Colors<'a> {
         }
     }
 
-    /// Those that a model stores, or those of its labels.
+    /// The stored colours of a model, or the colours of its labels.
     pub(crate) fn stored(view: &ModelView<'_>) -> Option<Self> {
         (view.labels().is_some() || has_colors(view)).then_some(Self::Stored)
     }
 
-    /// The colour of a voxel or cell by a channel, if it has one of its own.
+    /// The colour of a voxel or cell by a channel; `None` if it has the material's.
     pub(super) fn color(&self, voxel: u64) -> Option<[f64; 3]> {
         let Self::Channel { items, scale, coloring } = self else { return None };
         let value = |stored: u16| scale[0] * f64::from(stored) + scale[1];
@@ -189,7 +188,7 @@ impl<'a> Colors<'a> {
 fn mixed(ramp: &[(f64, [f64; 3])], value: f64) -> Option<[f64; 3]> {
     let above = ramp.partition_point(|(stop, _)| *stop <= value);
     let (Some((low, below)), Some((high, next))) = (ramp.get(above.wrapping_sub(1)), ramp.get(above)) else {
-        // Beyond both ends, the nearer end's.
+        // Beyond both ends, the colour of the nearer end.
         return if above == 0 { ramp.first() } else { ramp.last() }.map(|(_, color)| *color);
     };
     let part = (value - low) / (high - low);
@@ -203,12 +202,12 @@ impl Default for Material {
 }
 
 impl Material {
-    /// The material of this name, if there is one.
+    /// The material of this name; `None` if it is unknown.
     pub fn preset(name: &str) -> Option<Self> {
         PRESETS.iter().find(|(known, _)| *known == name).map(|(_, material)| *material)
     }
 
-    /// True for a matte surface that reflects all of its colour, as models by themselves have it.
+    /// True for a matte surface that reflects all of its colour, as in pictures of single models.
     pub(super) fn is_plain(&self) -> bool {
         let Self { diffuse, specular, mirror, clear, .. } = *self;
         [diffuse, specular, mirror, clear] == [1.0, 0.0, 0.0, 0.0]
@@ -225,7 +224,7 @@ impl Material {
     }
 }
 
-/// A whole power, by products in a fixed order.
+/// An integer power, by products in a fixed order.
 pub(super) fn power(base: f64, exponent: u32) -> f64 {
     let (mut result, mut square, mut rest) = (1.0, base, exponent);
     while rest > 0 {
@@ -238,8 +237,8 @@ pub(super) fn power(base: f64, exponent: u32) -> f64 {
     result
 }
 
-/// Part of the light that a smooth surface throws back (Fresnel), and the cosine of the angle behind it; `cosine` is
-/// that before it, `ratio` the index before over the index behind. `None` for total reflection.
+/// Part of the light that a smooth surface reflects (Fresnel), and the cosine of the refracted angle; `cosine` is that
+/// of the incident angle, `ratio` the index in front over the index behind. `None` for total reflection.
 pub(super) fn fresnel(cosine: f64, ratio: f64) -> Option<(f64, f64)> {
     let square = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if square <= 0.0 {
@@ -273,14 +272,14 @@ mod tests {
         for (base, exponent) in [(0.5, 0), (0.9, 1), (0.99, 400), (1.0, 7)] {
             assert!((power(base, exponent) - base.powf(f64::from(exponent))).abs() < 1e-12);
         }
-        // Straight on, glass throws back 4 %; all of it beyond the critical angle; as much from either side.
+        // At normal incidence glass reflects 4 %; all of it beyond the critical angle; equal from both sides.
         let (part, behind) = fresnel(1.0, 1.0 / 1.5).unwrap();
         assert!((part - 0.04).abs() < 1e-12 && (behind - 1.0).abs() < 1e-12);
         assert!(fresnel(0.7, 1.5).is_none());
         let (out, back) = fresnel(0.9, 1.5).unwrap();
         let (inwards, again) = fresnel(back, 1.0 / 1.5).unwrap();
         assert!((out - inwards).abs() < 1e-12 && (again - 0.9).abs() < 1e-12);
-        // What does not bend does not throw back.
+        // A boundary without refraction does not reflect.
         assert!(fresnel(0.3, 1.0).unwrap().0 < 1e-30);
     }
 }

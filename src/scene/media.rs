@@ -1,6 +1,6 @@
-//! The clear bodies that a line runs in, one within another.
+//! The clear bodies around a point of a line, one within another.
 
-/// Bodies that a line keeps in mind; others within those are passed as if they were not clear within.
+/// Most bodies that a line keeps track of; further ones within those are passed as if they were not clear.
 const MAX: usize = 4;
 
 /// Clear bodies by number, the innermost last.
@@ -15,17 +15,17 @@ impl Media {
         self.bodies.get(..self.count).unwrap_or_default()
     }
 
-    /// The one that bends light here, or `None` in the open.
+    /// The body that refracts here; `None` in the open.
     pub(super) fn innermost(&self) -> Option<usize> {
         self.known().last().copied()
     }
 
-    /// True if the line runs in this one.
+    /// True if the line runs within this body.
     pub(super) fn has(&self, body: usize) -> bool {
         self.known().contains(&body)
     }
 
-    /// Once the line has come into a body.
+    /// State after the line has entered a body.
     pub(super) fn entered(mut self, body: usize) -> Self {
         if !self.has(body)
             && let Some(place) = self.bodies.get_mut(self.count)
@@ -36,7 +36,7 @@ impl Media {
         self
     }
 
-    /// Once it has left one, which need not be the innermost.
+    /// State after the line has left a body, which need not be the innermost.
     pub(super) fn left(self, body: usize) -> Self {
         let others = self.known().iter().filter(|known| **known != body);
         others.fold(Self::default(), |rest, other| rest.entered(*other))
@@ -54,7 +54,7 @@ mod tests {
         assert_eq!(within.left(3).innermost(), Some(7));
         assert_eq!(within.left(7).innermost(), Some(3));
         assert_eq!(within.left(7).left(3).left(3).innermost(), None);
-        // One too many is not kept in mind, and left without harm.
+        // One body too many is not tracked, and is left without harm.
         let full = (0..5).fold(Media::default(), Media::entered);
         assert_eq!(
             (full.innermost(), full.left(4).innermost(), full.left(3).innermost()),

@@ -6,8 +6,8 @@
 //!                     '-- first: the nearest hits of a tile's rays -------'-- Stage: what mirrors and glass show
 //! ```
 //!
-//! A model by itself is a scene with one body. What a pixel sees depends on its own ray only, and its colour on what the
-//! pixels around see, in one order; so a picture has the same bytes at any number of threads, in bands of any height.
+//! A model by itself is a scene with one body. A pixel's hit depends on its own ray only, and its colour on the hits of
+//! the pixels around, in one order; so a picture has the same bytes at any number of threads, in bands of any height.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -36,54 +36,54 @@ use super::section::{self, Section};
 use super::shade::Stage;
 use super::world::World;
 
-/// Pixels traced and coloured together: bounds the memory for what they see to 4 MiB, or three rows of tiles.
+/// Pixels traced and coloured together: bounds the memory for their hits to 4 MiB, or three rows of tiles.
 const BAND_PIXELS: usize = 1 << 17;
 
 /// Rows of tiles that are kept from one band to the next.
 const KEPT_ROWS: usize = 2;
 
-/// Default rays of a pixel for soft light and for ambient occlusion; a mean over the pixels around makes them some
-/// sixteen times as many.
+/// Default rays of a pixel for soft light and for ambient occlusion; averaging over the pixels around multiplies them
+/// by about sixteen.
 const SOFT_RAYS: u32 = 1;
 const AO_RAYS: u32 = 4;
-/// Fewest rays that look around a point seen in a mirror or through glass, where no mean is taken.
+/// Fewest ambient-occlusion rays of a point seen in a mirror or through glass, which is not averaged.
 const MIN_FAR_RAYS: u32 = 8;
 
-/// Memory of a worker, and of each further model file that it looks at.
+/// Memory of a worker, and of each further model file that it traces.
 const WORKER_BYTES: u64 = 3 << 17;
 const FILE_BYTES: u64 = 1 << 17;
 
-/// How bodies are shown.
+/// Settings of a picture.
 #[derive(Clone, Debug)]
 pub struct Look {
-    /// Pixels in a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
     /// The eye.
     pub camera: Camera,
-    /// Nearer points along a line of sight, in mm, are not seen.
+    /// Near distance in mm: points closer to the eye along a line of sight are not seen.
     pub near_mm: f64,
-    /// The light; `None` for that of `lights` and of the ambient colour.
+    /// The light; `None` for `lights` and the ambient colour.
     pub shading: Option<Shading>,
     /// The lights of a scene.
     pub lights: Vec<Light>,
-    /// Light from everywhere; rays of 0 are the shading's own number.
+    /// Ambient light; 0 rays means the shading's own number.
     pub ambient: Ambient,
-    /// Linear RGB of what mirrors and glass show where they show nothing else; `None` for black. Behind bodies pictures are
+    /// Linear RGB of mirrors and glass where they show no body; `None` for black. Behind bodies pictures are
     /// transparent.
     pub background: Option<[f64; 3]>,
-    /// How often a line is reflected or refracted.
+    /// Most reflections and refractions of a line.
     pub bounces: u32,
     /// Rays of a pixel's colours.
     pub samples: Samples,
-    /// True if creases have more rays, too, where samples are `Auto`; silhouettes always have.
+    /// True to trace more rays at creases as well where samples are `Auto`; silhouettes always have more.
     pub creases: bool,
-    /// The normals that are shown.
+    /// The displayed normals.
     pub smoothing: Smoothing,
-    /// The rays' kind.
+    /// The traversal of the rays.
     pub traversal: Traversal,
-    /// For each part the base-2 logarithm of the edge of nodes that count as surface; missing ones are 0, exact voxels.
+    /// Base-2 logarithm, for each part, of the edge of nodes that count as surface; missing ones are 0, exact voxels.
     pub levels: Vec<u32>,
     /// A slice instead of a view; the camera is parallel and looks along its axis.
     pub section: Option<Section>,
@@ -91,17 +91,17 @@ pub struct Look {
     pub threads: usize,
     /// Depth range in mm for a depth image, if one is wanted.
     pub depth_range_mm: Option<(f64, f64)>,
-    /// True for a normal image, too.
+    /// True to add a normal image.
     pub normals: bool,
-    /// True for an image of the numbers of boxes or labels, too.
+    /// True to add an image of the numbers of boxes or labels.
     pub ids: bool,
-    /// True if the models and labels that are seen are to be listed.
+    /// True to list the visible models and labels.
     pub seen: bool,
     /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
     pub max_band_pixels: Option<u32>,
 }
 
-/// The number of a model that is seen, and of its label; 0 of one without labels.
+/// Numbers of a visible model and of its label; 0 for a model without labels.
 pub type Seen = (usize, u16);
 
 /// A finished picture.
@@ -111,7 +111,7 @@ pub struct Painted {
     pub image: Image,
     /// Rays and times.
     pub counts: Counts,
-    /// Models and labels that are met first by rays through the pixels' middles, if asked for.
+    /// Models and labels met first by rays through the pixels' middles, if requested.
     pub seen: BTreeSet<Seen>,
 }
 
@@ -122,9 +122,9 @@ pub struct Counts {
     pub rays: u64,
     /// Rays from the eye that hit.
     pub hits: u64,
-    /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
+    /// Bricks of 4 x 4 x 4 boxes tested against rays.
     pub steps: u64,
-    /// Most of one ray.
+    /// Most steps of one ray.
     pub max_steps: u32,
     /// Wall time of tracing.
     pub trace: Duration,
@@ -134,7 +134,7 @@ pub struct Counts {
     pub around: Duration,
     /// Rays of ambient occlusion.
     pub ambient: u64,
-    /// Pixels of several rays.
+    /// Pixels with several rays.
     pub refined: u64,
     /// Rays towards lights.
     pub shadow: u64,
@@ -156,7 +156,7 @@ impl Counts {
         self.shadow + self.mirrored + self.refracted + self.ambient
     }
 
-    /// The times of all threads as parts of the time that passed.
+    /// Scales the times of all threads to parts of the elapsed time.
     pub(super) fn within(mut self, wall: Duration) -> Self {
         let all = (self.trace + self.shade + self.around).as_secs_f64();
         if all > 0.0 {
@@ -173,17 +173,17 @@ fn at_most(max_band_pixels: Option<u32>) -> usize {
 }
 
 impl Look {
-    /// Pixels that are traced and coloured together, unless 8 rows are more.
+    /// Pixels that are traced and coloured together; at least 8 rows.
     pub(super) fn band_pixels(&self) -> usize {
         at_most(self.max_band_pixels)
     }
 
-    /// Rows of a picture without anything in them.
+    /// A blank image of this many rows.
     pub(super) fn blank(&self, rows: u32) -> Image {
         Image::blank([self.width, rows], [self.depth_range_mm.is_some(), self.normals, self.ids])
     }
 
-    /// Rays of each pixel that look around.
+    /// Ambient-occlusion rays of each pixel.
     fn sky_rays(&self) -> u32 {
         match (self.shading, self.ambient.rays) {
             (Some(Shading::Plain | Shading::Flat), _) | (None, 0) => 0,
@@ -193,7 +193,7 @@ impl Look {
         }
     }
 
-    /// Bytes that [`paint_parts`] takes besides the models and the program, in bands of at most so many pixels.
+    /// Bytes that [`paint_parts`] needs besides the models and the program, in bands of at most this many pixels.
     pub(crate) fn parts_bytes(&self, files: usize, max_band_pixels: Option<u32>) -> u64 {
         let row = u64::from(self.width).next_multiple_of(TILE as u64);
         let rows = (at_most(max_band_pixels) as u64 / (row * TILE as u64)).max(1) * TILE as u64;
@@ -212,11 +212,11 @@ impl Look {
 /// The receivers of a picture's progress.
 #[derive(Clone, Copy)]
 pub(crate) struct Watch<'a> {
-    /// Gets each time how many more rows are painted.
+    /// Receives the number of further rows painted, each time.
     pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
-    /// Called by any worker after each small step (a tile, some rays of ambient occlusion), to look after memory.
+    /// Called by any worker after each small step (a tile, some rays of ambient occlusion), to check memory.
     pub(crate) between: &'a (dyn Fn() + Sync),
-    /// True as soon as nobody wants the picture any more.
+    /// True as soon as the picture is no longer wanted.
     pub(crate) is_stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
@@ -225,24 +225,24 @@ impl Watch<'_> {
         (self.between)();
     }
 
-    /// A step after which a worker may leave the rest of its rows; true if it shall.
+    /// Reports a step; true if the worker shall leave the rest of its rows.
     pub(super) fn ends(&self) -> bool {
         self.step();
         (self.is_stopped)()
     }
 
-    /// Goes on after a part, unless the picture is stopped.
+    /// Reports a finished part; an error if the picture is stopped.
     pub(super) fn part(&self, rows: u32) -> Result<(), RenderError> {
         (self.rows_done)(rows);
         if (self.is_stopped)() { Err(RenderFault::Stopped.into()) } else { Ok(()) }
     }
 }
 
-/// Takes a picture from the top, a part after the other.
+/// Receives a picture from the top, part by part.
 pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderError> + Send);
 
-/// Bytes that [`paint`] takes for a picture of one model of this size, besides the model: the picture, a band, two parts of
-/// its rows, and the threads.
+/// Bytes that [`paint`] needs for a picture of one model of this size, besides the model: the picture, a band, two
+/// parts of its rows, and the threads.
 pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let (width, height) = (u64::from(width).next_multiple_of(TILE as u64), u64::from(height));
     let rows = (BAND_PIXELS as u64 / width).max(TILE as u64).min(height.next_multiple_of(TILE as u64));
@@ -252,9 +252,9 @@ pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
         + threads as u64 * WORKER_BYTES
 }
 
-/// Paints bodies; `rows_done` gets the number of rows each time that more are painted.
+/// Paints bodies; `rows_done` receives the number of further rows each time.
 ///
-/// Memory: the image, 4 MiB for what rays see, two parts of 2^17 pixels, and for every thread 128 KiB for each file.
+/// Memory: the image, 4 MiB for hits, two parts of 2^17 pixels, and for every thread 128 KiB for each file.
 ///
 /// # Errors
 /// [`RenderError`] when the size is not possible or the threads do not start, and for discrete rays in a model of cells
@@ -275,11 +275,11 @@ pub fn paint(
     Ok(Painted { image, counts, seen })
 }
 
-/// [`paint`] in parts, some rows after the other: the picture is never held as a whole. While `take` has one part the next
-/// is painted, where there are threads enough.
+/// Like [`paint`], part by part: the picture is never held as a whole. While `take` handles one part the next is
+/// painted, if there are enough threads.
 ///
-/// Memory: 4 MiB for what rays see or three rows of tiles, whichever is more, and two parts of 2^17 pixels or 8 rows, of
-/// all layers.
+/// Memory: 4 MiB for hits or three rows of tiles, whichever is more, and two parts of 2^17 pixels or 8 rows, of all
+/// layers.
 ///
 /// # Errors
 /// Errors of [`paint`] and of `take`.
@@ -302,21 +302,22 @@ pub(crate) fn paint_parts(
 /// The lines of sight in the grid of a body.
 struct Eye<'a> {
     sight: Sight<'a>,
-    /// The lines through [`PLACES`] times [`PLACES`] places of each pixel.
+    /// The lines through the [`PLACES`] times [`PLACES`] subpixels of each pixel.
     places: Sight<'a>,
-    /// The rays of the discrete mode, if that is asked for.
+    /// The rays of the discrete mode, if requested.
     discrete: Option<DiscreteRays<'a>>,
 }
 
-/// The first hits of a tile's rays: the number of a body, and where its surface is met.
+/// The first hits of a tile's rays: the number of the body, and the intersection.
 pub(super) type FirstHits = [Option<(usize, Met)>; RAYS];
 
 /// A group of rays from the eye.
 #[derive(Clone, Copy)]
 pub(super) enum Group {
-    /// Through the middles of the pixels of the tile at this corner, of which so many columns and rows are in the picture.
+    /// Rays through the middles of the pixels of the tile at this corner, with this many columns and rows in the
+    /// picture.
     Pixels([usize; 2], (usize, usize)),
-    /// Through these of the places of one pixel.
+    /// Rays through these subpixels of one pixel.
     Places([usize; 2], u64),
 }
 
@@ -337,7 +338,7 @@ impl Group {
     }
 }
 
-/// The rays of a tile that are bits of `asked`.
+/// The rays of a tile whose bits in `asked` are set.
 pub(super) fn rays_of(mut asked: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let ray = (asked != 0).then(|| asked.trailing_zeros() as usize)?;
@@ -346,20 +347,20 @@ pub(super) fn rays_of(mut asked: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Everything that a pixel's worker reads.
+/// Read-only data of a picture's workers.
 pub(super) struct Painter<'a> {
     pub(super) look: &'a Look,
     pub(super) stage: Stage<'a>,
     eyes: Vec<Eye<'a>>,
-    /// Model files.
+    /// Number of model files.
     pub(super) files: usize,
     pub(super) form: Form,
-    /// Where rays that look around go, if there are such.
+    /// Directions of ambient-occlusion rays, if there are any.
     pub(super) sky: Option<Sky>,
     pub(super) step: StepSize,
-    /// True for one whole body, all of whose rays go by tiles.
+    /// True for one whole body, whose rays are all traced by tiles.
     pub(super) is_alone: bool,
-    /// True if a pixel's colour takes more rays than those of the band: towards lights, in mirrors and through bodies.
+    /// True if a pixel's colour needs more rays than the band's: towards lights, in mirrors and through bodies.
     pub(super) follows: bool,
     pub(super) watch: Watch<'a>,
 }
@@ -422,7 +423,7 @@ impl<'a> Painter<'a> {
         self.eyes.first().map(|eye| &eye.sight)
     }
 
-    /// The first hits of a group of rays: here what a pixel shows is decided.
+    /// The first hits of a group of rays, which decide the content of a pixel.
     pub(super) fn first(&self, tracer: &mut Tracer, group: Group) -> (FirstHits, Counts) {
         let mut nearest: FirstHits = [None; RAYS];
         let mut steps = [0_u32; RAYS];
@@ -483,13 +484,13 @@ impl<'a> Painter<'a> {
         (nearest, counts)
     }
 
-    /// Rows that are traced and coloured together.
+    /// Number of rows traced and coloured together.
     fn band_rows(&self) -> usize {
         let row = (self.look.width as usize).div_ceil(TILE) * RAYS;
         (self.look.band_pixels() / row).max(1) * TILE
     }
 
-    /// Paints the picture part after part, and hands each on while the next is painted.
+    /// Paints the picture part by part, and passes each on while the next is painted.
     fn paint(&self, take: Taker<'_>) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
         let (width, height) = (self.look.width as usize, self.look.height as usize);
         let mut band = Band::new(width, !self.is_alone);
@@ -523,7 +524,7 @@ impl<'a> Painter<'a> {
     }
 }
 
-/// The sizes that steps in depth are compared with.
+/// The sizes that depth steps are compared with.
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
 fn step_size(world: &World<'_>, look: &Look) -> StepSize {
     let voxel_mm = world.bodies.iter().fold(0.0_f64, |most, body| {

@@ -1,24 +1,24 @@
-//! Where a body stands: affine maps of its millimetres to those of the scene.
+//! Placement of a body: affine maps of its millimetres to the scene's.
 
 use crate::geom::{Affine, angle};
 
-/// How a body is put in its place: scaled, turned about x, then y, then z, and moved, about a point that stays.
+/// Placement of a body: scaled, turned about x, then y, then z, and moved, about a fixed point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Factor along each axis of the body's own millimetres.
     pub scale: [f64; 3],
     /// Degrees about x, then y, then z, counter-clockwise as seen against the axis.
     pub turn_deg: [f64; 3],
-    /// The point of the body that scaling and turning leave where it is.
+    /// The point of the body that scaling and turning leave in place.
     pub pivot: [f64; 3],
-    /// Where that point comes to be.
+    /// Position of that point in the scene.
     pub at: [f64; 3],
 }
 
-/// The map that does nothing.
+/// The identity.
 const STAY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
 
-/// Turning about an axis.
+/// Rotation about an axis.
 fn turn(axis: usize, degrees: f64) -> Affine {
     let [sin, cos] = angle::sin_cos_deg(degrees);
     let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -29,7 +29,7 @@ fn turn(axis: usize, degrees: f64) -> Affine {
 }
 
 impl Placement {
-    /// The map of the body's millimetres to those of the scene.
+    /// The map from the body's millimetres to the scene's.
     pub fn affine(&self) -> Affine {
         let mut all = Affine::from_spacing(self.scale);
         for (axis, degrees) in self.turn_deg.into_iter().enumerate() {
@@ -57,7 +57,7 @@ mod tests {
         };
         let affine = placement.affine();
         assert_eq!(affine.apply([1.0; 3]), [10.0, 20.0, 30.0]);
-        // One step along x is two, and along y after the turn.
+        // One step along x becomes two, and lies along y after the turn.
         assert_eq!(affine.apply([2.0, 1.0, 1.0]), [10.0, 22.0, 30.0]);
         assert_eq!(affine.apply([1.0, 2.0, 1.0]), [9.0, 20.0, 30.0]);
         // x before y before z.

@@ -1,4 +1,4 @@
-//! From the text of a scene to checked values.
+//! Reads the text of a scene into checked values.
 
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, add_scaled, dot};
@@ -35,13 +35,13 @@ const MAX_EXPONENT: u32 = 100_000;
 /// Most colours of a transfer function.
 const MAX_COLORS: usize = 256;
 
-/// A material, and where its colour comes from.
+/// A material and the source of its colour.
 type Substance = (Material, Coloring);
 
 /// Reads the text of a scene.
 ///
 /// # Errors
-/// The first thing that is wrong with it.
+/// The first fault in the text.
 pub(crate) fn read(text: &str) -> Result<Scene, Fault> {
     let description: Description = toml::from_str(text).map_err(|fault| {
         let number = |start| 1 + text.bytes().take(start).filter(|b| *b == b'\n').count();
@@ -81,7 +81,7 @@ fn scene(keys: &Description) -> Result<Scene, Fault> {
     })
 }
 
-/// Rays of a pixel, from so many along each of its sides.
+/// Rays of a pixel, from the number along each of its sides.
 fn samples(top: &Checked, keys: &Description) -> Result<Samples, Fault> {
     Ok(match top.whole("samples", keys.samples, 1, [1, MAX_SAMPLES])? {
         1 => Samples::One,
@@ -103,7 +103,7 @@ fn camera(keys: &CameraKeys) -> Result<SceneCamera, Fault> {
         .map(|text| text.parse().map_err(|_| on.unknown("projection", text, ["parallel", "perspective"])));
     on.not_both("view", keys.view.is_some() && keys.eye.is_some(), "eye")?;
     let eye = match (keys.eye, keys.look_at) {
-        // What is not finite, or the same, the camera itself refuses.
+        // The camera itself refuses infinite or equal points.
         (Some(eye), Some(look_at)) => Some([eye, look_at]),
         (None, None) => None,
         (Some(_), None) => return Err(bad!("{}: needs look_at as well; add it", on.key("eye"))),
@@ -242,7 +242,7 @@ fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, Fault> {
     }
     for [x, y, z, limit] in &keys.planes {
         let normal = on.direction("planes", [*x, *y, *z])?;
-        // The distance counts along the vector as it is written.
+        // The distance is measured in lengths of the written vector.
         let length = dot([*x, *y, *z], [*x, *y, *z]).sqrt();
         planes.push(CutPlane { normal, limit: on.number("planes", *limit, [-FAR, FAR])? / length, cap });
     }
@@ -300,7 +300,7 @@ fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, Fault> {
     Ok(rules)
 }
 
-/// A placement without a volume.
+/// Fault of a placement without a volume.
 pub(crate) fn flat(key: &Key) -> Fault {
     bad!(
         "{key}: leaves the model without a volume; choose factors that are not 0, or rows that are not parallel"

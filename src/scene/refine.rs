@@ -1,10 +1,10 @@
-//! More rays where one does not say what a pixel shows: at silhouettes and creases, or everywhere.
+//! More rays where one does not suffice for a pixel: at silhouettes and creases, or everywhere.
 //!
-//! The rays of a pixel are a tile of their own, of a picture eight times as wide and high: they walk the octree together.
-//! Colours are added in linear light; what part of the rays hit is the pixel's alpha.
+//! The rays of a pixel form a tile of their own, in a picture eight times as wide and high: they traverse the octree
+//! together. Colours are added in linear light; the share of rays that hit is the pixel's alpha.
 //!
-//! Of CThead at 384^2, PSNR in dB against 64 rays a pixel, with 1.65 rays a pixel: 33.7 and 38.3 at two thresholds, where
-//! one ray gives 28.2 and 29.8 and four in every pixel 36.6 and 37.8.
+//! Measured on CThead at 384^2, PSNR in dB against 64 rays a pixel, with 1.65 rays a pixel: 33.7 and 38.3 at two
+//! thresholds, where one ray gives 28.2 and 29.8 and four in every pixel 36.6 and 37.8.
 
 use crate::render::Samples;
 use crate::render::normals::shown::Line;
@@ -25,7 +25,7 @@ impl Painter<'_> {
         }
     }
 
-    /// The colour of a pixel by several rays, and its alpha; `at` is its place in the patch.
+    /// The colour of a pixel by several rays, and its alpha; `at` is its position in the patch.
     pub(super) fn refined(
         &self,
         kept: &mut WorkerState,
@@ -46,14 +46,15 @@ impl Painter<'_> {
             let open = self.sky.as_ref().map_or(1.0, |_| patch.open_at(at[0], at[1], depth));
             let (light, through) = self.light(&mut kept.memory, line, (number, met), pixel, open);
             hits += 1.0 - through;
-            // What is brighter than white is white.
+            // Light brighter than white counts as white.
             sum = std::array::from_fn(|c| sum[c] + light[c].min(1.0));
         }
         self.watch.step();
         self.stage.shader.pixel(sum, hits, f64::from(places.count_ones()))
     }
 
-    /// Linear RGB of what a line from the eye meets, so far open; and the part of the line that goes on into the background.
+    /// Linear RGB of a line from the eye, with the openness at its first hit; and the part of the line that continues
+    /// into the background.
     fn light(
         &self,
         memory: &mut WorkerMemory,

@@ -1,8 +1,8 @@
-//! A slice through a scene: what a plane cuts, filled, and the line along which it cuts the surface.
+//! A slice through a scene: the filled cut of a plane, and the line along which it cuts the surface.
 //!
-//! A line runs through the plane along every row of samples, there and back, which gives what it passes of every box of a
-//! surface. Between two of them, one after the other, all is inside or all is outside: lines along all six axes from there
-//! say which, as for caps. So a picture takes some lines a row, not some for each pixel.
+//! A line runs in the plane along every row of samples, there and back, which gives its segment in every box of a
+//! surface. Between two consecutive segments all is inside or all is outside: lines along all six axes from there
+//! decide, as for caps. So a picture needs some lines a row, not some for each pixel.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -18,27 +18,27 @@ use crate::render::{NamedView, RenderError};
 use super::body::{Body, Part};
 use super::paint::{Counts, Look, Seen, Taker, Watch};
 
-/// Samples along each side of a pixel, and how many of them the cut line reaches to either side.
+/// Samples along each side of a pixel, and half width of the cut line in samples.
 const SAMPLES: usize = 4;
 const REACH: usize = 3;
 
-/// Rows of pixels that are made together.
+/// Rows of pixels made together.
 const BAND: usize = 8;
 
 /// Linear light of the cut line, on light and on dark backgrounds.
 const INK: [f64; 2] = [0.015, 0.85];
 
-/// A plane across one of the axes (LPS).
+/// A plane perpendicular to one of the axes (LPS).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// 0, 1, 2 for x, y, z.
+    /// Axis of the normal: 0, 1, 2 for x, y, z.
     pub axis: usize,
-    /// Where it crosses that axis, in mm.
+    /// Position on that axis, in mm.
     pub at_mm: f64,
 }
 
 impl Section {
-    /// The side from which it is looked at: axial slices from below, as they are read in radiology.
+    /// View of the slice: axial slices from below, as they are read in radiology.
     pub fn view(self) -> NamedView {
         [NamedView::Left, NamedView::Front, NamedView::Bottom][self.axis.min(2)]
     }
@@ -49,7 +49,7 @@ struct Plane<'a> {
     look: &'a Look,
     section: Section,
     bodies: Vec<Body<'a>>,
-    /// The least place along the rows of anything that is cut, in mm, and a little less; and how far all reaches from there.
+    /// Least coordinate of all cut bodies along the rows, in mm, with a margin; and their extent from there.
     start_mm: f64,
     length_mm: f64,
     ink: f64,
@@ -57,10 +57,10 @@ struct Plane<'a> {
     watch: Watch<'a>,
 }
 
-/// Paints a slice in parts, some rows after the other; the camera of `look` is parallel and looks along the section's axis.
+/// Paints a slice part by part; the camera of `look` is parallel and looks along the section's axis.
 ///
-/// Memory: a part of 2^17 pixels or 8 rows, and for every thread 304 bytes for each column. Time: two lines for each of four
-/// rows a pixel, each of which finds all boxes of the surface on its way.
+/// Memory: a part of 2^17 pixels or 8 rows, and for every thread 304 bytes for each column. Time: two lines for each of
+/// four rows a pixel, each of which finds all boxes of the surface on its way.
 ///
 /// # Errors
 /// Errors of `take`.
@@ -104,14 +104,14 @@ pub(super) fn slice(
     Ok(all)
 }
 
-/// The counts of two bands together, and what both show.
+/// Joins the counts of two bands, and their visible items.
 fn joined(one: (Counts, BTreeSet<Seen>), other: (Counts, BTreeSet<Seen>)) -> (Counts, BTreeSet<Seen>) {
     let mut seen = one.1;
     seen.extend(other.1);
     (one.0.plus(other.0), seen)
 }
 
-/// Samples of some rows: for each 0, or 1 and the place of what fills it in `kinds`.
+/// Samples of some rows: 0, or 1 plus the index of its filling in `kinds`.
 struct Samples {
     width: usize,
     kinds: Vec<(Seen, [f64; 3])>,
@@ -128,7 +128,7 @@ impl Samples {
         u16::try_from(at + 1).unwrap_or(u16::MAX)
     }
 
-    /// The samples of a row from one place to another, counted in samples.
+    /// The samples of a row between two positions, measured in samples.
     fn range(&self, row: usize, [from, to]: [f64; 2]) -> std::ops::Range<usize> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the row")]
         let [from, to] = [from, to].map(|at| (at - 0.5).ceil().clamp(0.0, self.width as f64) as usize);
@@ -148,7 +148,7 @@ impl Samples {
 }
 
 impl Plane<'_> {
-    /// Paints the rows of a band, of which the first is row `top` of the picture.
+    /// Paints the rows of a band that begins at row `top` of the picture.
     fn band(&self, top: usize, rgba: &mut [u8]) -> (Counts, BTreeSet<Seen>) {
         let columns = self.look.width as usize;
         let width = columns * SAMPLES;
@@ -201,7 +201,7 @@ impl Plane<'_> {
         }
     }
 
-    /// Fills what a line meets of a body.
+    /// Fills the segments of a line within a body.
     fn fill(
         &self,
         (number, body): (usize, &Body<'_>),

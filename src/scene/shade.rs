@@ -1,7 +1,7 @@
-//! The colour of what a line sees: light, shadow, mirrors, glass.
+//! The colour at the end of a line: light, shadow, mirrors, glass.
 //!
-//! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
-//! and are dropped where that share is too small to be seen, or where they have been reflected or refracted too often.
+//! At a clear body a line splits in two; so lines wait in a list, each with its share of the point's light, and are
+//! dropped once that share is too small to be seen, or after too many reflections and refractions.
 
 use crate::geom::{add_scaled, dot};
 use crate::render::ambient::{Sky, tangents};
@@ -17,21 +17,21 @@ use super::media::Media;
 use super::paint::{Counts, Look};
 use super::world::{From, Lot, World};
 
-/// Least share of a point's light that a line is followed for.
+/// Least share of a point's light for which a line is followed.
 const MIN_SHARE: f64 = 1.0 / 1024.0;
 
-/// Cosine between a normal and the line of sight up to which the surface is seen from its outside, near its rim: normals
-/// there lead away from the eye by what they err, and by what the surface bends within a voxel. Beyond it the surface is
-/// seen from within.
+/// Cosine between a normal and the line of sight up to which the surface counts as seen from its outside, near its rim:
+/// there normals point away from the eye through their own errors, and through the curvature within a voxel. Beyond it
+/// the surface is seen from within.
 pub(super) const BEYOND_RIM: f64 = 0.35;
 
-/// A line that is still to be followed.
+/// A line to be followed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Branch {
     pub(super) line: Line,
     pub(super) from: From,
     media: Media,
-    /// Its part of the point's light.
+    /// Its share of the point's light.
     share: [f64; 3],
     bounces: u32,
     /// True if it has come straight from the eye.
@@ -45,13 +45,13 @@ impl Branch {
     }
 }
 
-/// The memory of a worker, from one point to the next.
+/// State of a worker, from one point to the next.
 pub(super) struct WorkerMemory {
-    /// By file.
+    /// Surroundings by file.
     pub(super) around: Vec<Surroundings>,
     waiting: Vec<Branch>,
     lot: Lot,
-    /// Rays that did not come from the eye.
+    /// Counts of rays that did not come from the eye.
     pub(super) counts: Counts,
 }
 
@@ -62,16 +62,16 @@ impl WorkerMemory {
     }
 }
 
-/// Bodies in their light.
+/// Bodies with their light.
 pub(super) struct Stage<'a> {
     pub(super) world: World<'a>,
     pub(super) look: &'a Look,
     /// The rig of lamps and sky; `None` for a scene's own lights.
     pub(super) rig: Option<Rig>,
-    /// The lamps that shine on surfaces: those of the scene, or the rig's for its highlights.
+    /// The lamps that shine on surfaces: the scene's, or the rig's for its highlights.
     pub(super) lamps: Vec<Light>,
     pub(super) shader: Shader,
-    /// Where rays go that look around a point seen in a mirror or through glass, if there are such.
+    /// Directions of ambient-occlusion rays of a point seen in a mirror or through glass, if there are any.
     pub(super) sky: Option<Sky>,
 }
 
@@ -80,14 +80,14 @@ pub(super) struct Spot<'a> {
     number: usize,
     material: &'a Material,
     pub(super) color: [f64; 3],
-    /// The label that is seen, of a model of which some labels are not solid; else 0.
+    /// The visible label, for a model with labels that are not solid; else 0.
     pub(super) label: u16,
     point: [f64; 3],
-    /// Unit vector along the line that came here.
+    /// Unit vector along the incoming line.
     sight: [f64; 3],
-    /// Unit normal as pictures show it, on either side.
+    /// Unit normal as displayed, on either side.
     pub(super) shown: [f64; 3],
-    /// Unit vector out of the surface on the side that is seen.
+    /// Unit vector out of the surface on the visible side.
     normal: [f64; 3],
     /// True if the line came from outside the body.
     enters: bool,
@@ -97,7 +97,7 @@ pub(super) struct Spot<'a> {
 }
 
 impl Spot<'_> {
-    /// A start of lines on the side that is seen, or on the other one.
+    /// A start of lines on the visible side, or on the other one.
     fn start(&self, beyond: bool) -> From {
         let start = match self.met {
             Met::Surface(hit) => {
@@ -111,8 +111,8 @@ impl Spot<'_> {
 }
 
 impl Stage<'_> {
-    /// Linear RGB of what a line from the eye sees, which has met `first`, but for the background straight ahead; and the
-    /// part of that which is seen. The surroundings of the first point are so far `open`.
+    /// Linear RGB of a line from the eye that has met `first`, without the background straight ahead; and the opacity
+    /// of that. `open` is the openness at the first point.
     pub(super) fn color(
         &self,
         kept: &mut WorkerMemory,
@@ -181,7 +181,7 @@ impl Stage<'_> {
         Spot { number, material, color, label, point, sight, shown, normal, enters, opacity, met }
     }
 
-    /// The normal that is shown, the same on the side that the line comes from at a rim, and true if that is outside.
+    /// The displayed normal, the same turned to the incoming side at a rim, and true if the line comes from outside.
     fn surface_normal(
         &self,
         kept: &mut WorkerMemory,
@@ -196,23 +196,23 @@ impl Stage<'_> {
         let enters = !branch.media.has(number) && outward.is_none_or(from_outside);
         let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
         let shown = kept.around.get_mut(body.part.file()).map_or(outward.unwrap_or(line.1), |around| {
-            // What mirrors and bends is as smooth as its normals; the skin around says no more.
+            // Mirrors and clear bodies are as smooth as their normals; the skin around adds nothing.
             let smooth = if smooth { body.smooth_outward(around, line, hit) } else { None };
             smooth.unwrap_or_else(|| {
                 let seen = body.normals.seen(&hit, || line);
                 body.normals.normal(around, seen, || line)
             })
         });
-        // At a rim a line may come in by a face that looks the other way.
+        // At a rim a line may enter by a face that looks the other way.
         let is_turned = enters && outward.is_some_and(|outward| dot(shown, outward) < 0.0);
         (shown, if is_turned { shown.map(|c| -c) } else { shown }, enters)
     }
 
-    /// Mirrored and bent lines.
+    /// Adds mirrored and refracted lines.
     fn follow(&self, kept: &mut WorkerMemory, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
         let (material, cosine) = (spot.material, (-dot(spot.normal, spot.sight)).max(0.0));
         if let (true, Met::Surface(hit)) = (spot.opacity < 1.0, spot.met) {
-            // What a label lets through goes straight on.
+            // Light that a label lets through goes straight on.
             let share = branch.share.map(|part| part * (1.0 - spot.opacity));
             if share[0] >= MIN_SHARE {
                 let from = Some((spot.number, Start::Through { hit }));
@@ -268,8 +268,8 @@ impl Stage<'_> {
         }
     }
 
-    /// Index of refraction before a clear surface over that behind it. A body within another meets that one's; who leaves
-    /// a body within another stays in that.
+    /// Ratio of the refractive index in front of a clear surface to the index behind it. A body within another borders
+    /// on that body's index; a line that leaves the inner body stays in the outer one.
     fn index_ratio(&self, media: Media, spot: &Spot<'_>) -> f64 {
         let index = |body: Option<usize>| {
             body.and_then(|body| self.world.bodies.get(body)).map_or(1.0, |body| body.part.material().index)
@@ -282,7 +282,7 @@ impl Stage<'_> {
         index(before) / index(behind)
     }
 
-    /// Light that a surface reflects by itself; the surroundings are so far open where that is `known`.
+    /// Light reflected by a surface itself, with its openness where `known`.
     fn local(
         &self,
         kept: &mut WorkerMemory,
@@ -292,7 +292,7 @@ impl Stage<'_> {
     ) -> [f64; 3] {
         let material = spot.material;
         let mut matte = material.solid() * material.diffuse;
-        // Within what is clear nothing shines.
+        // Highlights only appear outside clear bodies.
         let shiny = if spot.enters || !material.is_clear() { material.specular } else { 0.0 };
         let mut light = [0.0; 3];
         if matte > 0.0 {
@@ -329,7 +329,7 @@ impl Stage<'_> {
         light
     }
 
-    /// Part of a lamp's light that comes here.
+    /// Part of a lamp's light that arrives.
     fn through(&self, kept: &mut WorkerMemory, lamp: &Light, way: Way, spot: &Spot<'_>) -> Option<[f64; 3]> {
         if !lamp.shadows {
             return Some([1.0; 3]);
@@ -338,9 +338,9 @@ impl Stage<'_> {
         self.world.light_through((spot.point, way.towards), [0.0, way.distance], &spot.start(false))
     }
 
-    /// Part of the surroundings that is open, by rays into these directions of the sky above.
+    /// Openness of the surroundings, by rays into these directions of the sky above.
     pub(super) fn openness(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, directions: &[[f64; 3]]) -> f64 {
-        // What lets light through is not darkened by it.
+        // Surfaces that let light through are not darkened.
         if spot.opacity < 1.0 {
             return 1.0;
         }

@@ -1,4 +1,4 @@
-//! A scene as its text says, checked.
+//! A scene as stated by its text, checked.
 
 use std::path::PathBuf;
 
@@ -12,18 +12,18 @@ use super::light::{Ambient, Light};
 use super::material::{Coloring, Material};
 use super::place::Placement;
 
-/// A scene as its text says, checked.
+/// A scene as stated by its text, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// Pixels in a row, and rows, if they are said.
+    /// Width and height in pixels, if stated.
     pub size: Option<[u32; 2]>,
     /// Linear RGB behind everything; `None` is transparent.
     pub background: Option<[f64; 3]>,
     /// Most reflections and refractions of a line.
     pub bounces: u32,
-    /// Rays of a pixel's colours, if that is said.
+    /// Rays of a pixel's colours, if stated.
     pub samples: Option<Samples>,
-    /// The eye, as far as it is said.
+    /// The stated part of the camera.
     pub camera: SceneCamera,
     /// The light, unless the scene has lights of its own.
     pub shading: Option<Shading>,
@@ -35,11 +35,11 @@ pub struct Scene {
     pub models: Vec<SceneModel>,
 }
 
-/// Colour of what a cut opens (linear RGB).
+/// Colour of cut faces (linear RGB).
 const CUT_COLOR: [f64; 3] = [0.50, 0.13, 0.09];
 
 impl Scene {
-    /// One model by itself, in the usual light.
+    /// One model by itself, in the default light.
     pub(crate) fn of_model(file: PathBuf) -> Self {
         let placement = Placement { scale: [1.0; 3], turn_deg: [0.0; 3], pivot: [0.0; 3], at: [0.0; 3] };
         let model = SceneModel {
@@ -64,7 +64,7 @@ impl Scene {
         }
     }
 
-    /// This scene with models in this colour (sRGB), where they have none of their own, and cut to a box: low and high bounds
+    /// This scene with models in this colour (sRGB), unless they have their own, and cut to a box: low and high bounds
     /// along each axis in mm, which may be infinite.
     #[must_use]
     pub(crate) fn shown_as(mut self, color: Option<[u8; 3]>, bounds_mm: Option<[[f64; 2]; 3]>) -> Self {
@@ -87,60 +87,60 @@ impl Scene {
     }
 }
 
-/// The eye, as far as the text says.
+/// The camera, as far as the text states it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SceneCamera {
     /// A named view.
     pub view: Option<NamedView>,
-    /// Position, and a point in the middle of the picture, in mm.
+    /// Position of the eye, and a point in the middle of the picture, in mm.
     pub eye: Option<[[f64; 3]; 2]>,
-    /// A direction that is upwards.
+    /// The upward direction.
     pub up: Option<[f64; 3]>,
-    /// How lines of sight run.
+    /// Projection of lines of sight.
     pub projection: Option<Projection>,
-    /// Degrees between the bottom and the top.
+    /// Vertical field of view in degrees.
     pub fov_deg: Option<f64>,
-    /// Nearer points along a line of sight, in mm, are not seen.
+    /// Near distance in mm: points closer to the eye along a line of sight are not seen.
     pub near_mm: f64,
 }
 
 /// A model of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
-    /// Its file, as the text names it.
+    /// File name, as in the text.
     pub file: PathBuf,
-    /// Its material.
+    /// Material.
     pub material: Material,
-    /// Where its colour comes from.
+    /// Source of its colour.
     pub coloring: Coloring,
-    /// Where it is put.
+    /// Its placement.
     pub place: Place,
     /// Cuts of this model and of all.
     pub clip: Clip,
-    /// True if named views take it into the frame.
+    /// True if named views include it in the frame.
     pub framed: bool,
-    /// Which of its labels are seen; later rules count before earlier ones.
+    /// Visibility of its labels; later rules override earlier ones.
     pub labels: Vec<LabelRule>,
 }
 
-/// Where a model is put.
+/// Placement of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// By this map of its millimetres.
+    /// A map of its millimetres.
     Map(Affine),
-    /// About a point of its own.
+    /// A placement about a point of its own.
     About(Placement),
-    /// About the middle of its volume; `at` is where that comes to be, or how far it is moved.
+    /// A placement about the middle of its volume; `at` is the new position of that, or a displacement.
     Middle {
-        /// Everything else; its pivot does not count.
+        /// The remaining parameters; its pivot is ignored.
         placement: Placement,
-        /// Is `at` of the placement a distance?
+        /// True if `at` of the placement is a displacement.
         moved: bool,
     },
 }
 
 impl Place {
-    /// The map, for a model whose volume has its middle there.
+    /// The map, for a model whose volume has this middle.
     pub fn affine(&self, middle: [f64; 3]) -> Affine {
         match *self {
             Self::Map(affine) => affine,

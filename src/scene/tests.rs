@@ -62,8 +62,8 @@ fn unit(random: &mut Random) -> [f64; 3] {
     }
 }
 
-/// A million lines leave a ball and meet it nowhere; as many run through it and come out on the other side, in the
-/// right place, be it skin or cells, and however it is placed.
+/// A million lines leave a ball and never meet it; as many run through it and exit on the other side, in the right
+/// place, for skin and cells, and for any placement.
 #[test]
 fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
     let turn_deg = [20.0, -35.0, 50.0];
@@ -110,7 +110,7 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                         (lines, met_itself) = (lines + 1, met_itself + u32::from(met.is_some()));
                         continue;
                     }
-                    // Through the ball, in its own millimetres, more than a voxel below its surface.
+                    // A line through the ball, in its own millimetres, more than a voxel below its surface.
                     let way = inverse.apply_vector(direction);
                     let length = dot(way, way).sqrt();
                     let chord = -2.0 * dot(own, way) / length;
@@ -200,8 +200,8 @@ fn labelled(side: u32, label: &dyn Fn([u32; 3]) -> u16) -> Model {
     model
 }
 
-/// Lines from sample to sample, the half of them along axes and diagonals: they begin and end in the samples' labels, meet a
-/// wall wherever the label changes and nowhere else, and are in the right label in every box that has only one.
+/// Lines from sample to sample, half of them along axes and diagonals: they begin and end in the samples' labels, meet
+/// a wall exactly where the label changes, and are in the right label in every box that has only one.
 #[test]
 fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
     let lines = match std::env::var("INFOBYTE_LONG") {
@@ -270,7 +270,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
             while let Some(hit) = next.filter(|hit| hit.t <= 1.0) {
                 let walls = view.walls(hit.voxel(&view).unwrap()).unwrap();
                 let [_, behind] = part.beside(&walls, line, &hit);
-                // Of planes that are crossed at once, to within the rounding of rays, the last one counts.
+                // The last of several planes crossed at once, to within the rounding of rays, counts.
                 slivers += u64::from(behind == state);
                 state = behind;
                 changes.push((hit.t, state));
@@ -298,7 +298,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
     }
 }
 
-/// A plate as it is seen from above, with a wall around the middle of it.
+/// A plate seen from above, with a wall around its middle.
 #[test]
 fn walls_darken_what_they_surround_and_a_plate_alone_stays() {
     let dims = Dims::new(32, 32, 32).unwrap();

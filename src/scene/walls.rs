@@ -1,4 +1,4 @@
-//! Lines between the labels of a body (SPEC 4.12): from wall to wall, and what lies at a point.
+//! Lines between the labels of a body (SPEC 4.12): from wall to wall, and the label at a point.
 
 use crate::geom::{add_scaled, dot};
 use crate::load::NodeView;
@@ -10,7 +10,7 @@ use crate::render::traverse::Hit;
 
 use super::body::Body;
 
-/// How long a sliver between two cells' planes is at most, in boxes.
+/// Greatest length of a sliver between two cells' planes, in boxes.
 const SLIVER: f64 = 0.5;
 
 impl Body<'_> {
@@ -19,7 +19,7 @@ impl Body<'_> {
         self.cells.is_some_and(|cells| cells.items().has_walls())
     }
 
-    /// The label at a point, and the box that says so: the first that a line along an axis comes to.
+    /// The label at a point, and the box that determines it: the first that a line along an axis meets.
     pub(super) fn label_at(&self, at: [f64; 3]) -> Option<(Hit, u16)> {
         for axis in 0..6 {
             let mut direction = [0.0; 3];
@@ -28,7 +28,7 @@ impl Body<'_> {
             let (ray, _) = self.ray(line, 0.0, None)?;
             let hit = single::trace(self.form, self.part.view(), &Skin, &ray, 0).hit?;
             let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;
-            // A hit at an edge says as little as the next line says more.
+            // A hit at an edge is inconclusive; the next line decides.
             let [before, behind] = self.part.beside(&walls, line, &hit);
             if before == behind {
                 return Some((hit, behind));
@@ -37,7 +37,7 @@ impl Body<'_> {
         None
     }
 
-    /// Segments of a line from outside within labels that are seen: from, to, and the label.
+    /// Segments of a line from outside within visible labels: start, end, and the label.
     pub(super) fn runs(&self, line: Line) -> Vec<([f64; 2], u16)> {
         let (mut runs, mut now): (Vec<([f64; 2], u16)>, _) = (Vec::new(), (0.0, 0));
         let first = || {
@@ -60,8 +60,8 @@ impl Body<'_> {
         runs
     }
 
-    /// The next wall behind one that a line has met at t = 0, but for slivers: planes of cells side by side are a little
-    /// apart, and of two planes that are crossed at once the last one counts.
+    /// The next wall behind a wall met at t = 0, ignoring slivers: planes of neighbouring cells are a little apart, and
+    /// of two planes crossed at once the last one counts.
     pub(super) fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let sides = |hit: &Hit| {
             let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;

@@ -1,4 +1,4 @@
-//! All bodies together: the nearest that a line meets, and how much light comes through.
+//! All bodies together: the nearest one on a line, and the light that passes along it.
 
 use crate::cpu::Form;
 use crate::geom::dot;
@@ -10,22 +10,22 @@ use crate::render::traverse::Hit;
 
 use super::body::{Body, Met, Part, Purpose, Side, Start, Way};
 
-/// Surfaces of clear bodies that a line to a light passes at most.
+/// Most surfaces of clear bodies that a line to a light passes.
 const MAX_SURFACES: u32 = 64;
 
-/// Where a line starts: the number of a body, and where on it.
+/// Start of a line: the number of a body, and the position on it.
 pub(super) type From = Option<(usize, Start)>;
 
-/// Where on this body a line starts, if it does.
+/// The start of a line on this body, if it starts there.
 fn start_on(from: &From, body: usize) -> Option<&Start> {
     from.as_ref().filter(|(start, _)| *start == body).map(|(_, start)| start)
 }
 
-/// Lines from one place, and what a worker keeps to trace them together.
+/// Lines from one point, and the buffers of a worker to trace them together.
 #[derive(Default)]
 pub(super) struct Lot {
     pub(super) lines: Vec<Line>,
-    /// For each line its way, and t where its ray begins; nothing for a line that passes the body by.
+    /// The way of each line, and t at the start of its ray; `None` for a line that misses the body.
     ways: Vec<Option<(Way, f64)>>,
     rays: Vec<Ray>,
     hits: Vec<Option<Hit>>,
@@ -39,15 +39,15 @@ pub(super) struct World<'a> {
 }
 
 impl<'a> World<'a> {
-    /// With the normals and the level of each part that are shown; levels that are missing are 0.
+    /// A world with the displayed normals and the level of each part; missing levels are 0.
     pub(super) fn of(parts: &'a [Part<'a>], smoothing: Smoothing, levels: &[u32]) -> Self {
         let levels = levels.iter().copied().chain(std::iter::repeat(0));
         let body = |(part, level)| Body::of(part, Form::best(), smoothing, level);
         Self { bodies: parts.iter().zip(levels).map(body).collect() }
     }
 
-    /// The first place where a line meets a body between two values of t, and the body's number: the first of those
-    /// that are met at the same t.
+    /// The first intersection of a line with a body between two values of t, and the body's number: the lowest number
+    /// at equal t.
     pub(super) fn nearest(&self, line: Line, limits: [f64; 2], from: &From) -> Option<(usize, Met)> {
         let mut nearest: Option<(usize, Met)> = None;
         for (number, body) in self.bodies.iter().enumerate() {
@@ -67,7 +67,7 @@ impl<'a> World<'a> {
         solids.any(|(number, body)| body.meet(Purpose::Light, line, limits, start_on(from, number)).is_some())
     }
 
-    /// How many of `lot.lines` are stopped, as [`World::is_stopped`] says of each.
+    /// Number of `lot.lines` that are stopped, by [`World::is_stopped`].
     pub(super) fn count_stopped(&self, lot: &mut Lot, limits: [f64; 2], from: &From) -> usize {
         let all = lot.lines.len();
         for (number, body) in self.bodies.iter().enumerate() {
@@ -100,8 +100,8 @@ impl<'a> World<'a> {
         all - lot.lines.len()
     }
 
-    /// Part of the light that comes along a line, by colour: none past a body that is not clear, and of what is clear as
-    /// much as it lets through. It is not bent.
+    /// Part of the light that passes along a line, by colour: zero behind a body that is not clear, and reduced by
+    /// clear ones. Refraction is ignored.
     pub(super) fn light_through(&self, line: Line, limits: [f64; 2], from: &From) -> Option<[f64; 3]> {
         if self.is_stopped(line, limits, from) {
             return None;

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use super::unnamed;
 use crate::platform::FileExt;
 
-/// Bytes that are appended through a buffer, which holds the last ones: what is shorter than it altogether never touches
+/// Bytes that are appended through a buffer, which holds the last ones: content shorter than the buffer never touches
 /// the disk.
 ///
-/// Memory: the buffer, which grows to its size as it fills, or to that of the longest record.
+/// Memory: the buffer, which grows as it fills to its size, or to the size of the longest record.
 #[derive(Debug)]
 pub(crate) struct Appended {
     folder: PathBuf,
@@ -22,7 +22,7 @@ pub(crate) struct Appended {
 }
 
 impl Appended {
-    /// No bytes yet; `folder` takes the file once there is need of one.
+    /// No bytes yet; `folder` takes the file once it is needed.
     pub(crate) fn new(folder: &Path, buffer_bytes: usize) -> Self {
         Self { folder: folder.to_path_buf(), file: None, written: 0, buffer: Vec::new(), buffer_bytes }
     }
@@ -52,7 +52,7 @@ impl Appended {
         self.push_at(self.len(), record)
     }
 
-    /// Puts a record at an offset that is not before the end; what lies between reads as zeros.
+    /// Puts a record at an offset that is not before the end; bytes in between read as zeros.
     ///
     /// # Errors
     /// As [`Appended::push`].
@@ -70,7 +70,7 @@ impl Appended {
         Ok(offset)
     }
 
-    /// Writes what the buffer holds.
+    /// Writes the content of the buffer to the file.
     ///
     /// # Errors
     /// As [`Appended::push`].
@@ -87,7 +87,7 @@ impl Appended {
         Ok(())
     }
 
-    /// Gives back the part of the buffer that holds nothing.
+    /// Releases the unused part of the buffer.
     pub(crate) fn shrink(&mut self) {
         self.buffer.shrink_to_fit();
     }
@@ -109,7 +109,7 @@ impl Appended {
         }
     }
 
-    /// The file with all of them.
+    /// The file with all bytes.
     ///
     /// # Errors
     /// As [`Appended::push`].

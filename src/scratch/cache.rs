@@ -1,11 +1,11 @@
 //! Pages of a file in memory.
 
-/// A cache of pages that are only read, each in one slot; the page that a slot holds gives way to the next one.
+/// A cache of read-only pages, each with a fixed slot; the next page of a slot replaces the one before.
 ///
 /// Memory: [`PageCache::memory_bytes`].
 #[derive(Debug)]
 pub(crate) struct PageCache<K, T> {
-    /// The page in each slot.
+    /// Key of the page in each slot.
     held: Vec<Option<K>>,
     items: Vec<T>,
     page: usize,
@@ -25,7 +25,7 @@ impl<K: Copy + PartialEq, T: Copy> PageCache<K, T> {
     /// The items of a page, which `load` reads unless its slot holds it.
     ///
     /// # Errors
-    /// Those of `load`.
+    /// Errors of `load`.
     #[inline]
     pub(crate) fn get<E>(
         &mut self,

@@ -5,13 +5,13 @@ use std::io;
 
 use crate::platform::FileExt;
 
-/// Bytes before a chunk: the offset of the next one of its key, and how many bytes it holds.
+/// Bytes before a chunk: the offset of the next chunk of its key, and its number of bytes.
 const HEAD: usize = 16;
 
 /// Records by key, in chained chunks of one file.
 ///
-/// Memory: [`Chains::memory_bytes`]. Each chunk's place is taken before it is written, so that a key remembers its first
-/// and its last one only.
+/// Memory: [`Chains::memory_bytes`]. Each chunk's place is allocated before it is written, so that a key only remembers
+/// its first and its last one.
 #[derive(Debug)]
 pub(crate) struct Chains {
     file: File,
@@ -34,7 +34,7 @@ impl Chains {
         (keys * (size_of::<Chain>() + chunk_bytes)) as u64
     }
 
-    /// No records yet, of keys from 0; a record is at most a chunk long.
+    /// No records yet, for keys from 0; a record is at most a chunk long.
     pub(crate) fn new(file: File, keys: usize, chunk_bytes: usize) -> Self {
         let step = (HEAD + chunk_bytes) as u64;
         let chain = |at| Chain { first: at, last: at, open: Vec::new() };
@@ -42,7 +42,7 @@ impl Chains {
         Self { file, chunk_bytes, end: keys as u64 * step, keys: places.map(chain).collect() }
     }
 
-    /// Appends a record to those of a key.
+    /// Appends a record to a key.
     ///
     /// # Errors
     /// The disk is full.
@@ -62,7 +62,7 @@ impl Chains {
     /// Calls `work` with the records of a key, chunk by chunk, each of whole records.
     ///
     /// # Errors
-    /// Those of `work`, or `failed` of what the disk says.
+    /// Errors of `work`, or `failed` of an error of the disk.
     pub(crate) fn for_each_chunk<E>(
         &self,
         key: usize,

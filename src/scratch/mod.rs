@@ -1,15 +1,15 @@
-//! Unnamed files for what does not fit into memory: gone with their last descriptor, even when the
-//! process is killed.
+//! Unnamed files for data that does not fit into memory: gone with their last descriptor, even when the process is
+//! killed.
 //!
-//! | type | what it holds |
+//! | type | content |
 //! |---|---|
-//! | [`Appended`] | bytes in the order in which they come |
+//! | [`Appended`] | bytes in the order of their appending |
 //! | [`Chains`] | records by key |
-//! | [`PageCache`] | pages of a file that is only read |
+//! | [`PageCache`] | pages of a read-only file |
 //!
-//! None of them reserves memory: a stage reserves what they name with its own. The builder's fragments
-//! (`builder::swap`) are written by several threads, and triangles in bins wait in one pool for all of them; these have
-//! files of their own kind.
+//! None of them reserves memory: a stage reserves their stated need with its own. The builder's fragments
+//! (`builder::swap`) are written by several threads, and triangles in bins share one pool; these have files of their
+//! own kind.
 
 mod appended;
 mod cache;
@@ -46,8 +46,7 @@ pub(crate) fn unnamed(folder: &Path) -> io::Result<File> {
     tempfile::tempfile_in(folder)
 }
 
-/// A new unnamed file that will hold about `bytes`; refused at once where the file system of `folder`
-/// has less to give.
+/// A new unnamed file that will hold about `bytes`; refused at once if the file system of `folder` has less room.
 ///
 /// # Errors
 /// As [`unnamed`], and [`io::ErrorKind::StorageFull`] with both figures.

@@ -12,7 +12,7 @@ use crate::volume::{
 /// Bytes of a block that is turned at a time.
 const BLOCK_BYTES: usize = 1 << 20;
 
-/// `inner` with voxel (x, y, z) where it has (z, y, x); spacing and directions are those of the new axes.
+/// `inner` with its axes reversed: voxel (x, y, z) is its (z, y, x), and spacing and directions change along.
 ///
 /// Holds a block of 1 MiB while it unrolls itself, and one row of a volume whose rows are longer than that.
 #[derive(Debug)]
@@ -23,11 +23,11 @@ pub(super) struct AxisReversal {
 }
 
 impl AxisReversal {
-    /// Turns a volume that is read by position and whose axes have no directions yet.
+    /// Reverses the axes of a volume that is read by position and has no directions yet.
     pub(super) fn new(inner: Box<dyn VolumeSource>) -> Self {
         let mut info = inner.info().clone();
         let [a, b, c] = info.dims.to_array();
-        // Sides are in range in any order.
+        // The sides are in range in any order.
         info.dims = Dims::new(c, b, a).unwrap_or(info.dims);
         Self { info, inner, spool: None }
     }

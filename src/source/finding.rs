@@ -9,33 +9,33 @@ use serde::{Deserialize, Serialize};
 use super::{StableHash, Subject};
 use crate::volume::Result;
 
-/// One volume, mesh or tree that was found, or why it cannot be used.
+/// One volume, mesh or tree that was found, or the reason why it cannot be used.
 pub struct Finding {
-    /// The file, or the folder of the files, as it was reached from what was searched.
+    /// The file, or the folder of the files, as it was reached from the searched input.
     pub path: PathBuf,
-    /// Name of a model of it, without an extension: the same for the same input, wherever it lies and whatever
-    /// it is called, and nothing can be learnt from it of names of files and patients.
+    /// Name for a model of it, without an extension: the same for the same input, wherever it lies and whatever its
+    /// name, and free of names of files and patients.
     ///
-    /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For others the format and twelve hex digits of a hash of their
-    /// content, as in `nrrd-1a2b3c4d5e6f`, and the number of the volume where the input holds several. Different
-    /// inputs may have one id, where they differ in places that the hash does not look at.
+    /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the part, as in
+    /// `mr-012-1a2b3c4d-echo2`. For others the format and twelve hex digits of a hash of their content, as in
+    /// `nrrd-1a2b3c4d5e6f`, and the number of the volume where the input holds several. Different inputs may have one
+    /// id, where they differ in places that the hash leaves out.
     pub id: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
-    /// Kind of image, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
+    /// Kind of image, for people: `CT image`, `localizer`, ...; the format again where the kind is unknown.
     pub kind: String,
-    /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
+    /// Part of its input, for example `echo 2`, where the input holds several volumes.
     pub part: Option<String>,
-    /// Size in voxels, as far as the headers state it; refused volumes have one, too.
+    /// Size in voxels, as far as the headers state it, also for refused volumes.
     pub size: Option<[u32; 3]>,
     /// The input files, to see whether they changed.
     pub files: InputFiles,
-    /// Why its pixels may carry text, such as the patient's name, if there is a reason to think so.
+    /// Reason why its pixels may carry text, such as the patient's name, if there is one.
     pub burned_in: Option<BurnedIn>,
-    /// Which of the volumes of its input it is, from 0, those that are passed over included.
+    /// Number of the volume in its input, from 0, with volumes that are passed over counted.
     pub at: usize,
-    /// Volumes like it in the same input that are passed over for it.
+    /// Number of similar volumes of the same input that are passed over in its favour.
     pub more: usize,
     /// Subject of the model.
     pub subject: Result<Subject>,
@@ -60,11 +60,12 @@ impl fmt::Debug for Finding {
 pub enum BurnedIn {
     /// Burned In Annotation (0028,0301) says so.
     Stated,
-    /// It is ultrasound, whose devices write into the picture.
+    /// Ultrasound, whose devices write into the picture.
     Ultrasound,
-    /// It was not made by the device itself: by its SOP class, or because a Conversion Type (0008,0064) is stated.
+    /// An image that was not made by the device itself: by its SOP class, or because a Conversion Type (0008,0064) is
+    /// stated.
     SecondaryCapture,
-    /// It is a picture of a screen, by its Image Type (0008,0008).
+    /// A picture of a screen, by its Image Type (0008,0008).
     ScreenCapture,
 }
 
@@ -77,11 +78,11 @@ impl BurnedIn {
 /// The files behind a volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InputFiles {
-    /// How many.
+    /// Number of files.
     pub count: u64,
-    /// Their bytes together.
+    /// Total size of the files in bytes.
     pub bytes: u64,
-    /// Depends on every name (without its folder), size and time of change; not on their order.
+    /// Hash of every name (without its folder), size and time of change; independent of their order.
     pub fingerprint: u64,
 }
 

@@ -20,35 +20,35 @@ type Volumes = Result<Vec<Box<dyn VolumeSource>>>;
 
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
-    /// As shown to users and in [`crate::volume::SourceDescription::format`]: `nrrd`, `nifti`, ...
+    /// Name as shown to users and in [`crate::volume::SourceDescription::format`]: `nrrd`, `nifti`, ...
     pub(crate) name: &'static str,
-    /// Is the file, which begins with these [`HEAD_BYTES`](super::HEAD_BYTES), of this kind? A damaged one is, too, so that it is
-    /// refused by name. Called for every file other than DICOM: quick, and without opening the file
-    /// unless `head` already speaks for the format.
+    /// Returns true for a file of this kind, which begins with these [`HEAD_BYTES`](super::HEAD_BYTES). A damaged one
+    /// counts, too, so that it is refused by name. Called for every file other than DICOM: quick, and without opening
+    /// the file unless `head` already speaks for the format.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
-    /// Does the format know neither spacing nor directions? Then a side-car may state them.
+    /// True if the format knows neither spacing nor directions: a side-car may then state them.
     pub(crate) states_no_place: bool,
     /// Opens a file that was recognised: its volumes, in the order of the file.
     pub(crate) open: fn(path: &Path, options: &OpenOptions) -> Volumes,
 }
 
-/// A kind of picture of which the files of a folder, in natural order of their names, make a volume.
+/// A kind of picture; the files of a folder, in natural order of their names, make a volume.
 pub(crate) struct StackFormat {
-    /// As shown to users.
+    /// Name as shown to users.
     pub(crate) name: &'static str,
-    /// Is the file, which begins with these bytes, a slice of this kind?
+    /// Returns true for a slice of this kind, which begins with these bytes.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
-    /// Does the file hold several slices, so that it is a volume on its own?
+    /// Returns true for a file of several slices, which is a volume on its own.
     pub(crate) is_whole: fn(path: &Path) -> bool,
     /// Opens all such files of one folder; at least one, in natural order.
     pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Vec<Slices>,
 }
 
-/// The volumes of some of the files of a folder, or why these make none.
+/// The volumes of some of the files of a folder, or the reason why these make none.
 pub(crate) struct Slices {
-    /// Which of the files.
+    /// Indices of these files.
     pub(crate) files: Vec<usize>,
-    /// The volumes: one, or those of one file.
+    /// The volume of these files, or the volumes of one file.
     pub(crate) volumes: Volumes,
 }
 

@@ -1,4 +1,4 @@
-//! Shared by the headers of several formats: lines of text, numbers, units, and the names of data files.
+//! Common parts of the headers of several formats: lines of text, numbers, units, and the names of data files.
 
 use std::fs;
 use std::io::{self, BufRead, Read};
@@ -81,7 +81,7 @@ pub(super) struct Once {
 }
 
 impl Once {
-    /// Of at most 32 fields.
+    /// A check of these fields, at most 32.
     pub(super) fn new(fields: &'static [&'static str]) -> Self {
         Self { fields, seen: 0 }
     }
@@ -98,7 +98,7 @@ impl Once {
     }
 }
 
-/// Reads as much as there is.
+/// Reads as many bytes as there are.
 pub(super) fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
     let mut stream = stream;
     let mut got = 0;
@@ -135,7 +135,7 @@ pub(super) fn number<T: FromStr>(field: &str, text: &str) -> Result<T, Fault> {
 /// The numbers of a field, between white space.
 ///
 /// # Errors
-/// As [`number`].
+/// The errors of [`number`].
 pub(super) fn numbers<T: FromStr>(field: &str, text: &str) -> Result<Vec<T>, Fault> {
     text.split_whitespace().map(|part| number(field, part)).collect()
 }
@@ -143,7 +143,7 @@ pub(super) fn numbers<T: FromStr>(field: &str, text: &str) -> Result<Vec<T>, Fau
 /// Exactly `N` numbers of a field.
 ///
 /// # Errors
-/// As [`number`], or there are more or fewer.
+/// The errors of [`number`], and another count.
 pub(super) fn exactly<const N: usize, T: FromStr>(field: &str, text: &str) -> Result<[T; N], Fault> {
     let list = numbers(field, text)?;
     let many = list.len();
@@ -178,7 +178,7 @@ pub(super) fn normal_of(a: [f64; 3], b: [f64; 3], length: f64) -> [f64; 3] {
     if norm > 0.0 { cross.map(|c| c / norm * length) } else { [0.0, 0.0, length] }
 }
 
-/// A file could not be read: the system refused, or what was read made no sense.
+/// The error of a file that the system refused, or whose content made no sense.
 pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
     match cause.downcast::<Fault>() {
         Ok(fault) => unusable(path, fault),
@@ -189,12 +189,12 @@ pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
     }
 }
 
-/// A file is damaged, or of a kind that is not read.
+/// The error of a file that is damaged, or of a kind that is not read.
 pub(super) fn unusable(path: &Path, fault: Fault) -> SourceError {
     fault.at(path).into()
 }
 
-/// A header of pictures that are no slices.
+/// The fault of a header whose pictures are not slices.
 pub(super) fn sweep() -> Fault {
     bad!(
         "is a list of pictures, each with a place of its own (a free-hand sweep), and these are not slices; reconstruct a volume from it first, and give that"
@@ -226,12 +226,12 @@ fn data_name(name: &str) -> Result<PathBuf, Fault> {
     Ok(path.to_path_buf())
 }
 
-/// Do the data files of a header stay in its folder, or in that where the header really lies? What a symbolic link
-/// leads to elsewhere is read only where links may be followed: a header that came from elsewhere must not make
-/// the program read any file it links to.
+/// Checks that the data files of a header stay in its folder, or in the folder where the header really lies. A symbolic
+/// link to data elsewhere is followed only where links may be: a header of foreign origin must not make the program
+/// read any file it links to.
 ///
 /// # Errors
-/// The first file that does not.
+/// The first file that lies elsewhere.
 pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result {
     let outside = (0..files.len()).find(|at| !stays(header, &files.path(*at)));
     match outside.filter(|_| !follow) {
@@ -249,7 +249,7 @@ pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Resu
     }
 }
 
-/// Does data lie in the folder of what describes it, links included? What is not there stays where it is.
+/// True if data lies in the folder of its header, links included. A missing file counts as staying.
 pub(crate) fn stays(header: &Path, data: &Path) -> bool {
     let folder = |path: &Path| path.parent().map(Path::to_path_buf).unwrap_or_default();
     let here = folder(header);

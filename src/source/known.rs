@@ -40,7 +40,7 @@ impl fmt::Display for Known {
     }
 }
 
-/// Formats by their first bytes that are not read, to say what a refused file is.
+/// First bytes of formats that are not read, to name the kind of a refused file.
 const KNOWN: [(&[u8], Known); 9] = [
     (b"\x1f\x8b", Known::Gzip),
     (b"\xff\xd8\xff", Known::Jpeg),

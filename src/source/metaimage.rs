@@ -20,7 +20,7 @@ use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
 
-/// Fields that say what the samples are and where they lie.
+/// Fields that state the type and location of the samples.
 const ONCE: [&str; 9] = [
     "ndims",
     "dimsize",
@@ -33,7 +33,7 @@ const ONCE: [&str; 9] = [
     "compresseddata",
 ];
 
-/// Is this a MetaImage header?
+/// True for a MetaImage header.
 pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
     let Some(line) = head.split(|b| *b == b'\n').next() else { return false };
     let line = text(line).to_lowercase();

@@ -1,17 +1,17 @@
-//! Where voxels come from: one file or folder for each format.
+//! Sources of voxels: one file or folder for each format.
 //!
-//! Every reader opens what it recognises as volumes ([`crate::volume::VolumeSource`]); folders, and
-//! which files belong together, are the part of [`crate::discovery`], which readers do not see.
+//! Every reader opens the files it recognises as volumes ([`crate::volume::VolumeSource`]); folders, and the choice of
+//! files that belong together, are the part of [`crate::discovery`], which readers do not see.
 //!
 //! | part | what it holds |
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
 //! | `headed` | MRC, VGStudio, VTK, Amira: a header before raw samples |
 //! | `zarr` | arrays in chunks |
-//! | `formats`, `known` | the lists of what is read, and what is known but not read |
-//! | `options`, `subject`, `finding` | what a caller may choose, what can be built, and what was found |
+//! | `formats`, `known` | lists of the formats that are read, and of those that are known but not read |
+//! | `options`, `subject`, `finding` | choices of a caller, things to build, and results of a search |
 //! | `stored`, `axis_reversal` | samples read where they lie, or unrolled first |
-//! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
+//! | `files`, `header`, `natural`, `numbered`, `stable_hash` | parts that several of them share |
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]
 

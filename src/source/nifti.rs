@@ -26,7 +26,7 @@ const NIFTI2_BYTES: usize = 540;
 /// Bytes after the magic of NIfTI-2, which a text-mode transfer would change.
 const NIFTI2_TAIL: &[u8] = b"\0\r\n\x1a\n";
 
-/// Is this a NIfTI or ANALYZE header, gzipped or not?
+/// True for a NIfTI or ANALYZE header, gzipped or not.
 pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
     let mut plain = [0; NIFTI1_BYTES];
     if head.starts_with(b"\x1f\x8b") {
@@ -134,7 +134,7 @@ fn samples_of_header(path: &Path) -> Option<PathBuf> {
 struct Header {
     version: u8,
     endian: Endian,
-    /// Are the samples in the same file?
+    /// True if the samples are in the same file.
     single: bool,
     dim: [i64; 8],
     datatype: i16,
@@ -144,7 +144,7 @@ struct Header {
     placement: Placement,
 }
 
-/// Numbers at byte offsets; the header was checked to be long enough, and a wrong offset reads 0.
+/// Fields at byte offsets; the header was checked to be long enough, and a wrong offset reads 0.
 struct Fields<'a> {
     bytes: &'a [u8],
     endian: Endian,
@@ -156,7 +156,7 @@ impl Fields<'_> {
         if let Some(found) = self.bytes.get(offset..).and_then(|rest| rest.first_chunk::<N>()) {
             out = *found;
         }
-        // To little-endian, which the readers below take.
+        // Bytes in little-endian order, as the readers below expect.
         if self.endian == Endian::Big {
             out.reverse();
         }

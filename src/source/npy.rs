@@ -21,7 +21,7 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header: of an array of numbers it has some 100 bytes.
 const MAX_HEADER: u64 = 64 << 10;
 
-/// Is this a NumPy array?
+/// True for a NumPy array.
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     head.starts_with(MAGIC)
 }
@@ -184,7 +184,7 @@ impl Array {
     }
 }
 
-/// A string in single or double quotation marks, and what follows it.
+/// A string in single or double quotation marks, and the text after it.
 fn quoted(text: &str) -> Option<(&str, &str)> {
     let mark = text.chars().next().filter(|c| *c == '\'' || *c == '"')?;
     text.get(1..)?.split_once(mark)

@@ -1,10 +1,10 @@
 //! NRRD volumes (<https://teem.sourceforge.net/nrrd/format.html>), NRRD0001 to NRRD0005: attached `.nrrd`
 //! and detached `.nhdr` headers.
 //!
-//! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS
-//! millimetres; without them `spacings` and `axis mins` do. A last axis that is not a direction in space (a
-//! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name. Names and
-//! colours of segments, as 3D Slicer writes them, are those of labels, and their layers become one map.
+//! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS millimetres;
+//! without them `spacings` and `axis mins` do. A last axis that is not a direction in space (a list, time) makes
+//! several volumes; one that runs faster than space (colours, vectors) is refused by name. Names and colours of
+//! segments, as 3D Slicer writes them, become those of labels, and their layers become one map.
 
 mod geometry;
 mod layers;
@@ -30,7 +30,7 @@ use segments::Segments;
 /// Most axes that the format allows.
 const MAX_AXES: usize = 16;
 
-/// Fields that say what the samples are and where they lie.
+/// Fields that state the type and location of the samples.
 const ONCE: [&str; 16] = [
     "type",
     "encoding",
@@ -50,7 +50,7 @@ const ONCE: [&str; 16] = [
     "kinds",
 ];
 
-/// Is this an NRRD header?
+/// True for an NRRD header.
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     head.starts_with(b"NRRD00")
 }
@@ -75,7 +75,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     Ok(stored.open()?.into_iter().map(map).collect())
 }
 
-/// Why a header is refused.
+/// Reason why a header is refused.
 enum HeaderError {
     Header(Fault),
     Other(SourceError),
@@ -87,14 +87,14 @@ impl<F: Into<Fault>> From<F> for HeaderError {
     }
 }
 
-/// Where the samples are.
+/// Location of the samples.
 #[derive(Debug)]
 enum DataFiles {
-    /// Behind the header, at this offset.
+    /// The samples follow the header, at this offset.
     Attached(u64),
     /// Listed in the header.
     Listed(FileList),
-    /// By a pattern and numbers.
+    /// A pattern of names, with the first, last and step of its numbers.
     Pattern(String, [i64; 3]),
 }
 
@@ -109,7 +109,7 @@ struct Header {
     line_skip: u64,
     byte_skip: i64,
     geometry: Geometry,
-    /// Does each frame have a transform?
+    /// True if each frame has a transform.
     placed_one_by_one: bool,
     data: Option<DataFiles>,
     segments: Segments,
@@ -176,7 +176,7 @@ impl Header {
         }
     }
 
-    /// Takes one field; those that say nothing of voxels or space are passed over.
+    /// Takes one field; fields about other things than voxels and space are passed over.
     fn field(&mut self, field: &str, value: &str) -> Result<(), Fault> {
         let bad = || bad!("its field `{field}: {}` makes no sense", value.escape_debug());
         match field {
@@ -202,7 +202,7 @@ impl Header {
         let kind = words.join(" ");
         let plain = |scalar| Ok(Samples::Plain(scalar));
         match kind.as_str() {
-            // `signed` alone left nothing.
+            // Names have lost their `signed` above.
             "char" | "int8" | "int8_t" => plain(ScalarType::I8),
             "uchar" | "unsigned char" | "uint8" | "uint8_t" => plain(ScalarType::U8),
             "short" | "short int" | "int16" | "int16_t" => plain(ScalarType::I16),
@@ -403,7 +403,7 @@ fn skip_lines(file: &PositionalFile, start: u64, count: u64) -> std::io::Result<
     Ok(Some(offset))
 }
 
-/// Which axes are x, y and z, and how many volumes follow each other.
+/// The axes of x, y and z, and the number of volumes that follow each other.
 #[derive(Debug)]
 struct Layout {
     size: [u64; 3],
@@ -411,7 +411,7 @@ struct Layout {
     space: Vec<usize>,
 }
 
-/// Where the layers of a segmentation lie, if it has several: along its first axis, or along its last.
+/// Order of the layers of a segmentation, if it has several: along its first axis, or along its last.
 fn layers_of(axes: &[Axis]) -> Option<Order> {
     let mut lists = axes.iter().enumerate().filter(|(_, axis)| !axis.spatial && axis.size > 1);
     match (lists.next(), lists.next()) {

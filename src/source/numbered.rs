@@ -1,8 +1,8 @@
-//! Slices numbered by the names of their files: which numbers are missing, and what is done about that.
+//! Slices numbered by the names of their files: detection of missing numbers, and their treatment.
 //!
-//! Names that differ in numbers only (`ct_007.png`, `ct_8.png`) are numbered alike. Where the numbers of three or
-//! more such files go on by the same step most of the time, what lies between is missing: a gap, to be refused,
-//! filled or kept as the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
+//! Names that differ in numbers only (`ct_007.png`, `ct_8.png`) are numbered alike. Where the numbers of three or more
+//! such files go on by the same step most of the time, numbers between them are missing: a gap, to be refused, filled
+//! or kept like the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -16,17 +16,16 @@ use crate::text::names::GAPS;
 use crate::text::shown;
 use crate::volume::{GapFill, InfoOverride, Note, VolumeSource};
 
-/// Numbers of a name that are looked at; names have few.
+/// Most numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
 
-/// Longest number: what is longer is not a count of slices.
+/// Most digits of a number that may count slices.
 const MAX_DIGITS: usize = 15;
 
-/// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
+/// Most slices made for each existing one: more would be a picture of the interpolation.
 const MAX_MADE: u64 = 10;
 
-/// Numbers that lie at most so many times as far apart as files do, on average, count slices even where no
-/// step between them is the usual one.
+/// Greatest average distance of numbers at which they count slices even without a usual step between them.
 const DENSE: u64 = 3;
 
 /// Numbers of slices that lack some.
@@ -36,11 +35,11 @@ struct NumberGaps {
     files: usize,
     /// Slices that seem to be missing; `None` where the gaps are not whole multiples of the usual one.
     missing: Option<u64>,
-    /// In how many places.
+    /// Number of gaps.
     places: usize,
     /// The files on both sides of the first gap.
     first: [PathBuf; 2],
-    /// Can the missing slices be made? Not between files that are numbered in several ways.
+    /// True if the missing slices can be made: not between files that are numbered in several ways.
     can_fill: bool,
 }
 
@@ -61,14 +60,14 @@ impl fmt::Display for NumberGaps {
 /// Treatment of the slices of a stack.
 #[derive(Debug, PartialEq)]
 pub(super) enum Order {
-    /// One after the other.
+    /// The files one after the other.
     AsTheyAre(Option<Note>),
-    /// So much of the way from this file to the next; 0 is the file itself.
+    /// Part of the way from this file to the next; 0 is the file itself.
     Filled(Vec<(u32, f64)>, Note),
 }
 
 impl Order {
-    /// A volume of slices in the order of their files, with what is to be made between them.
+    /// The volume in the order of its files, with made slices between them.
     pub(super) fn apply(self, volume: Box<dyn VolumeSource>) -> Box<dyn VolumeSource> {
         match self {
             Self::AsTheyAre(note) => match note {
@@ -104,12 +103,12 @@ fn parts(name: &Path) -> (u64, [Option<u64>; FIELDS]) {
 struct Set {
     template: u64,
     first: [Option<u64>; FIELDS],
-    /// Which numbers differ from those of the first file.
+    /// True for each number that differs from the first file's.
     varies: [bool; FIELDS],
     files: usize,
 }
 
-/// Sets that are kept apart; folders have one or two.
+/// Most sets that are distinguished; folders have one or two.
 const MAX_SETS: usize = 64;
 
 fn sets(list: &FileList) -> Vec<Set> {
@@ -164,7 +163,7 @@ fn refusal(gaps: &NumberGaps) -> Fault {
     Fault::new(FaultKind::Gaps, format!("{gaps}; add the missing slices, or choose {keep}"))
 }
 
-/// The step that occurs most often between sorted numbers, of several the smallest; and how often it does.
+/// The step that occurs most often between sorted numbers, of several the smallest; and its count.
 fn usual(steps: &[u64]) -> (u64, usize) {
     let mut sorted = steps.to_vec();
     sorted.sort_unstable();
@@ -180,8 +179,8 @@ fn usual(steps: &[u64]) -> (u64, usize) {
 }
 
 impl Set {
-    /// The files of the set with their numbers, in the order of these; `None` if no number of the names can be
-    /// that of the slice.
+    /// The files of the set with their numbers, in the order of these; `None` if no number of the names can be the
+    /// slice's.
     fn numbers(&self, list: &FileList) -> Option<Vec<(u64, u32)>> {
         let field = self.varies.iter().position(|varies| *varies)?;
         let mut numbers = Vec::with_capacity(self.files);
@@ -205,7 +204,7 @@ impl Set {
         };
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         if let Some(at) = steps.iter().position(|step| *step == 0) {
-            // With several numbers in a name, another one may distinguish the files.
+            // Another of several numbers in a name may distinguish the files.
             if !single {
                 return Ok(None);
             }
@@ -250,8 +249,7 @@ impl Set {
         let mut places = Vec::new();
         for (at, own) in steps.iter().enumerate() {
             let many = own / step;
-            // Files in the order of their numbers are in natural order, as they have one number only; exact
-            // below 2^53.
+            // Files in the order of their numbers are in natural order, as they have one number only. Exact below 2^53.
             #[expect(clippy::cast_precision_loss, reason = "small counts")]
             places.extend((0..many).map(|k| (numbers[at].1, k as f64 / many as f64)));
         }

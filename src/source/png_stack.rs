@@ -32,10 +32,10 @@ const CHUNK_BYTES: usize = 64 << 10;
 /// The decoder of a PNG file: the inflater, its window, and two rows.
 const PNG_DECODER: u64 = 512 << 10;
 
-/// The most bytes that deflate makes of one.
+/// Greatest expansion by deflate: bytes made of one.
 const MAX_EXPANSION: u64 = 1032;
 
-/// Is this a PNG picture?
+/// True for a PNG picture.
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     head.starts_with(MAGIC)
 }
@@ -72,7 +72,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     let dims = Dims::new(head.size[0], head.size[1], count)
         .ok_or_else(|| unusable(&path, bad!("{} in {count} slices are out of range", head.facts())))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
-    // Smaller samples than a byte grow by 8 at most.
+    // Samples smaller than a byte grow by a factor of 8 at most.
     if bytes > file_bytes.saturating_mul(8 * MAX_EXPANSION) {
         return Err(unusable(
             &path,
@@ -134,7 +134,7 @@ impl Head {
         })
     }
 
-    /// Is it of a kind that is read?
+    /// Refuses kinds of pictures that are not read.
     fn check(&self) -> Result<(), Fault> {
         if self.color != 0 {
             return Err(bad!("has {}, and grey values are needed; convert it to grey", colour(self.color)));
@@ -216,7 +216,7 @@ fn picture(
     decoder.set_ignore_iccp_chunk(true);
     decoder.set_transformations(Transformations::IDENTITY);
     let head = decoder.read_header_info().map_err(failed)?;
-    // Held against the survey: the file may have been changed since.
+    // Compared with the survey: the file may have been changed since.
     let same = head.color_type == ColorType::Grayscale
         && !head.interlaced
         && (head.bit_depth as usize).div_ceil(8) == info.scalar.bytes()
@@ -242,7 +242,7 @@ fn picture(
         }
         target.write(&samples, target.offset(y, z))?;
     }
-    // Checks what follows the last row, its checksum included.
+    // Reads the rest after the last row, which checks its checksum.
     reader.finish().map_err(failed)
 }
 

@@ -58,7 +58,7 @@ impl RawVolume {
         Self::described(inputs, options, None)
     }
 
-    /// As [`Self::open`]; faults of what is described name the side-car, and its keys instead of options.
+    /// Like [`Self::open`]; faults of the description name the side-car, and its keys instead of options.
     pub(crate) fn described(
         inputs: &[PathBuf],
         options: &RawOptions,
@@ -220,7 +220,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     Ok((list, base_name(first)))
 }
 
-/// Was a file in a folder of slices made of them: a model, or the picture of one? Recognised by content, not by
+/// True if a file in a folder of slices was made of them: a model, or a picture of one. Recognised by content, not by
 /// its name; a file that cannot be read says so when it is opened as a slice.
 fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);

@@ -2,8 +2,8 @@
 
 /// FNV-1a over bytes, 64 bits, with a final mix so that its high bits are as good as its low ones.
 ///
-/// Not for what an attacker chooses: two inputs with one hash can be made. Where that matters the
-/// inputs themselves are compared.
+/// Not for input that an attacker chooses: two inputs with one hash can be made. Where that matters, the inputs
+/// themselves are compared.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StableHash(u64);
 

@@ -1,10 +1,10 @@
-//! Everything that a model can be built of.
+//! Subjects of models.
 
 use std::path::PathBuf;
 
 use crate::volume::VolumeSource;
 
-/// Everything that a model can be built of.
+/// Subject of a model: a volume, a mesh or a tree.
 ///
 /// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::discovery::Catalogue).
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub enum SubjectKind {
 }
 
 impl Subject {
-    /// Its case.
+    /// Kind of the subject.
     pub fn kind(&self) -> SubjectKind {
         match self {
             Self::Volume(_) => SubjectKind::Volume,
@@ -54,10 +54,10 @@ impl Subject {
         }
     }
 
-    /// The same with another volume in place of its own; meshes and trees stay what they are.
+    /// The subject with another volume in place of its own; meshes and trees stay unchanged.
     ///
     /// # Errors
-    /// Those of `change`.
+    /// The errors of `change`.
     pub(crate) fn map_volume<E>(
         self,
         change: impl FnOnce(Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, E>,

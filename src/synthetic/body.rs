@@ -1,4 +1,4 @@
-//! The bodies: where each begins and ends, exactly.
+//! The bodies, with their exact surfaces.
 //!
 //! Lengths are in *units*: the finest distance of two samples. The origin is the low corner of the volume.
 
@@ -45,7 +45,7 @@ const MAX_STEPS: u32 = 20_000;
 const ARRIVED: f64 = 1e-9;
 
 impl Body {
-    /// Its name, as in `synthetic:NAME@N`.
+    /// Name, as in `synthetic:NAME@N`.
     pub fn name(&self) -> &'static str {
         self.name
     }
@@ -66,7 +66,7 @@ impl Body {
         }
     }
 
-    /// The source of samples: the distance, or for a wave its value over its slope, which vanishes at the same
+    /// Distance for the samples: the true one, or for a wave its value over its slope, which vanishes at the same
     /// places. Farther away than `reach` it may be any other number beyond `reach` on the same side.
     #[inline]
     pub(super) fn distance_near(&self, place: Vector, reach: f64) -> f64 {
@@ -79,7 +79,7 @@ impl Body {
         }
     }
 
-    /// Is a place inside? The surface itself is.
+    /// True for a place inside the body or on its surface.
     pub fn contains(&self, place: [f64; 3]) -> bool {
         self.distance_near(place, 0.0) <= 0.0
     }
@@ -92,8 +92,8 @@ impl Body {
         }
     }
 
-    /// Where a ray enters the body: the distance along it, which is 0 for a ray that starts inside, or `None` if it
-    /// does not within `farthest`. Places in units; `direction` is taken at length 1.
+    /// Distance along a ray to its entry into the body, 0 for a ray that starts inside; `None` if it does not enter
+    /// within `farthest`. Places in units; `direction` is taken at length 1.
     ///
     /// Cost: some ten distances, hundreds for a ray that nearly touches. One that touches within 1e-9 counts as a hit.
     pub(crate) fn cast(&self, origin: [f64; 3], direction: [f64; 3], farthest: f64) -> Option<f64> {
@@ -112,12 +112,12 @@ impl Body {
         None
     }
 
-    /// Is the surface one that a cast and a normal make sense for everywhere: one that bends, without cubes?
+    /// True if a cast and a normal are defined everywhere on the surface: it is not made of cubes.
     pub(crate) fn is_smooth(&self) -> bool {
         !matches!(self.shape, Shape::Lattice(_))
     }
 
-    /// Does the body end within its volume, so that all of the model's surface is the body's?
+    /// True if the body ends within its volume, so that all of the model's surface is the body's.
     pub(crate) fn is_closed(&self) -> bool {
         match &self.shape {
             Shape::Smooth { shape, .. } => !matches!(shape, Smooth::Slab { .. }),
@@ -126,7 +126,7 @@ impl Body {
         }
     }
 
-    /// The signal itself, where that is what is sampled: Marschner and Lobb's.
+    /// The signal itself, for a body whose samples are its signal: Marschner and Lobb's.
     pub(super) fn signal(&self, place: Vector) -> Option<f64> {
         match &self.shape {
             Shape::Wave(wave) => wave.signal(place),

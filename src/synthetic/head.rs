@@ -47,12 +47,12 @@ const NOISE_HU: f32 = 12.0;
 
 /// Burr hole in the left forehead: centre and radius.
 const BURR_HOLE: ([f32; 3], f32) = ([33.0, -48.0, 70.0], 8.5);
-/// Ring in the left ear lobe: centre, radius of the ring, radius of the wire; it hangs across y.
+/// Ring in the left ear lobe: centre, radius of the ring, radius of the wire; its axis is y.
 const EAR_RING: ([f32; 3], f32, f32) = ([75.0, 8.0, -44.0], 8.0, 1.6);
 
 /// Spatial frequency of the brain's folds, radians per mm.
 const FOLD_FREQUENCY: f32 = 0.30;
-/// A fold's crest is where the wave stays above this; it sets how wide the furrows are.
+/// A fold's crest is where the wave stays above this; it sets the width of the furrows.
 const FOLD_LEVEL: f32 = 0.26;
 
 /// A head with skin, skull, teeth and a folded brain, `side` cubed, as 16-bit signed Hounsfield units.

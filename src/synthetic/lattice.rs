@@ -1,10 +1,10 @@
-//! Bodies made of the cubes of a lattice: what is hard for an octree, for labels and for memory.
+//! Bodies made of the cubes of a lattice: hard cases for an octree, for labels and for memory.
 
 use super::body::TrueSurface;
 use super::math::{Vector, hash, unit};
 use crate::geom::dot;
 
-/// Cubes of one size; a cube is in or out.
+/// Cubes of one size, each solid or empty.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice {
     pub(super) pattern: Pattern,
@@ -12,7 +12,7 @@ pub(super) struct Lattice {
     pub(super) cell: f64,
     /// Corner of cube (0, 0, 0).
     pub(super) origin: Vector,
-    /// Cubes along each axis; there are none beyond.
+    /// Cubes along each axis; all others are empty.
     pub(super) size: [u32; 3],
 }
 
@@ -22,9 +22,9 @@ pub(super) enum Pattern {
     Menger { levels: u32 },
     /// Every other cube.
     Checkerboard,
-    /// Plates that meet in one bar on the last slice: parts that turn out to be one very late.
+    /// Plates that a bar on the last slice joins: separate parts turn out to be one very late.
     Comb,
-    /// Single cubes by chance: of 2^32, this many are in.
+    /// Single cubes by chance: this many of 2^32 are solid.
     Salt { chance: u64, seed: u64 },
 }
 
@@ -54,12 +54,12 @@ impl Lattice {
         }
     }
 
-    /// The sponge alone leaves air around it.
+    /// True for the sponge alone, which leaves air around it.
     pub(super) fn is_closed(&self) -> bool {
         matches!(self.pattern, Pattern::Menger { .. })
     }
 
-    /// The cube that a place lies in, and how far into it along each axis.
+    /// The cube that a place lies in, and the place within it along each axis.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a cube's number, or far beyond any, where it saturates"
@@ -74,7 +74,7 @@ impl Lattice {
         self.surface(p).distance
     }
 
-    /// Looks at the 26 neighbours: the nearest of those that are not as the place's own cube.
+    /// Searches the 26 neighbours for the nearest cube that differs from the place's own.
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let (cube, into) = self.find(p);
         let inside = self.holds(cube);
@@ -130,7 +130,7 @@ mod tests {
         let corner = near([5.0, 6.0, 6.0]);
         assert!((corner.distance - 3.0).abs() < 1e-12);
         assert!((corner.normal[0] - 1.0 / 3.0).abs() < 1e-12 && (corner.normal[2] - 2.0 / 3.0).abs() < 1e-12);
-        // No farther than one cube is looked.
+        // The search ends one cube away.
         assert_eq!(near([20.0, 2.0, 2.0]).distance, 4.0);
     }
 }

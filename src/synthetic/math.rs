@@ -141,7 +141,7 @@ mod tests {
             let e = x.abs() / 4.0;
             assert!((exp_minus(e) / (-e).exp() - 1.0).abs() < 1e-12, "{e}");
         }
-        // Known to ten digits.
+        // Values from tables, to ten digits.
         for (t, share) in [(0.0, 0.5), (1.0, 0.841_344_746_1), (2.0, 0.977_249_868_1), (3.3, 0.999_516_575_9)]
         {
             assert!((share_below(t) - share).abs() < 1e-9, "{t}: {}", share_below(t));
@@ -167,7 +167,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / count;
         let variance = values.iter().map(|v| v * v).sum::<f64>() / count;
         assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.01, "{mean} {variance}");
-        // Neighbours know nothing of each other.
+        // Neighbours are uncorrelated.
         let pairs: f64 = values.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / count;
         assert!(pairs.abs() < 0.01, "{pairs}");
         assert_ne!(noise([1, 2, 3], 1), noise([1, 2, 3], 2));

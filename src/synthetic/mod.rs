@@ -8,31 +8,31 @@
 //! synthetic:box@256x256x128?sample=binary  a label map
 //! ```
 //!
-//! | body | what it is | its parameters, with lengths in samples of the finest spacing |
+//! | body | shape | its parameters, with lengths in samples of the finest spacing |
 //! |---|---|---|
 //! | `sphere` | a ball | `radius` |
 //! | `ellipsoid` | | `radii=AxBxC`, `turn=XxYxZ` in degrees about x, then y, then z |
 //! | `torus` | | `ring`, `tube`, `turn` |
 //! | `box` | with sharp edges, turned | `edges=AxBxC`, `turn` |
 //! | `slab` | between two planes, through the whole volume | `thickness` (6), `turn` |
-//! | `gyroid` | the gyroid's one half | `period` |
-//! | `marschner-lobb` | the test signal of Marschner and Lobb (1994), as it is, from 1/2 on | `frequency` (6), `depth` (0.25) |
+//! | `gyroid` | one half of the gyroid | `period` |
+//! | `marschner-lobb` | Marschner and Lobb's test signal (1994), from 1/2 on | `frequency` (6), `depth` (0.25) |
 //! | `menger` | Menger's sponge | `levels` |
-//! | `checkerboard`, `comb`, `salt` | every other cube; plates that meet at last; cubes by chance | `cell` (1); of salt `share` (0.01) |
+//! | `checkerboard`, `comb`, `salt` | every other cube; plates joined at last; cubes by chance | `cell` (1); for salt `share` (0.01) |
 //! | `head` | a CT-like head in Hounsfield units ([`SyntheticHead`]) | none |
 //!
-//! | how it is sampled | |
+//! | sampling | |
 //! |---|---|
 //! | `sample` | `density`, 0 in air and 1 in the body with the surface at 1/2, or `binary`: 1 inside, 0 outside |
 //! | `psf` | standard deviation of the point spread in samples of the finest spacing: 0.8 |
 //! | `slab` | thickness that a slice averages, as a part of the distance between slices: 0 |
-//! | `noise`, `seed` | standard deviation of noise as a part of the step: 0; where it starts: 1 |
-//! | `bits` | of a sample: 16; 4 to 16, or 32 for single precision |
-//! | `spacing` | in mm: 1x1x1. With `@N`, a coarser axis has as many samples fewer |
+//! | `noise`, `seed` | standard deviation of noise as a part of the step: 0; start of the random sequence: 1 |
+//! | `bits` | bits of a sample: 16; 4 to 16, or 32 for single precision |
+//! | `spacing` | in mm: 1x1x1. With `@N`, a coarser axis has proportionally fewer samples |
 //!
 //! [`AnalyticVolume`] gives the true surface along with the samples.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `spec` | the text |
 //! | `volume` | samples |
@@ -63,7 +63,7 @@ use crate::text::names::{DIMS, DTYPE, SKIP};
 use crate::volume::{SourceError, VolumeSource};
 use spec::{PREFIX, Request};
 
-/// Is an input the description of a synthetic volume, and not a file? (`./synthetic:...` is a file.)
+/// True if an input describes a synthetic volume. (`./synthetic:...` is a file.)
 pub(crate) fn is_synthetic(input: &Path) -> bool {
     input.to_str().is_some_and(|text| text.starts_with(PREFIX))
 }
@@ -71,7 +71,7 @@ pub(crate) fn is_synthetic(input: &Path) -> bool {
 /// The volume that an input describes: a body or the head.
 ///
 /// # Errors
-/// [`SourceError`], with what is wrong and what there is.
+/// [`SourceError`], with the fault and the valid choices.
 pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
     let wrong = |fault| usage(input, fault);
     let given = input.to_string_lossy();

@@ -12,7 +12,7 @@ pub(super) enum Smooth {
     Ellipsoid {
         radii: Vector,
     },
-    /// About the z axis: the ring's radius, and that of its tube.
+    /// A torus about the z axis: radius of the ring, and of the tube.
     Torus {
         ring: f64,
         tube: f64,
@@ -20,7 +20,7 @@ pub(super) enum Smooth {
     Box {
         half: Vector,
     },
-    /// Across the z axis, without an end.
+    /// Endless across the z axis.
     Slab {
         half: f64,
     },
@@ -77,7 +77,7 @@ impl Smooth {
         }
     }
 
-    /// The distance; farther away than `reach` a cheaper number of the same kind.
+    /// The distance; farther away than `reach` a cheaper number on the same side and beyond `reach`.
     #[inline]
     pub(super) fn distance_near(&self, p: Vector, reach: f64) -> f64 {
         match *self {
@@ -88,7 +88,7 @@ impl Smooth {
                     [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]],
                 )
                 .sqrt();
-                // Nothing of the surface is nearer than this.
+                // Lower bound of the distance.
                 let bound = (scaled - 1.0) * radii[0].min(radii[1]).min(radii[2]);
                 if bound.abs() > reach { bound } else { ellipsoid(radii, p).0 }
             }
@@ -115,14 +115,14 @@ fn cuboid(half: Vector, p: Vector) -> (f64, Vector) {
     (over[axis], normal)
 }
 
-/// Steps of bisection that leave nothing to halve.
+/// Steps of bisection down to the last bit.
 const HALVINGS: u32 = 120;
 
 /// The nearest point of an ellipsoid is `x_i = r_i^2 p_i / (t + r_i^2)` for the largest root t of
 /// `sum (r_i p_i / (t + r_i^2))^2 = 1` (Eberly, *Distance from a Point to an Ellipsoid*); found by bisection.
 ///
-/// Sought is `s = t + r^2` of the shortest axis: near the middle of the body t is next to `-r^2`, and its distance
-/// from there is what counts.
+/// The unknown is `s = t + r^2` of the shortest axis: near the middle of the body t is next to `-r^2`, and its distance
+/// from there matters.
 fn ellipsoid(radii: Vector, p: Vector) -> (f64, Vector) {
     // A place within a plane of symmetry has two nearest points: step slightly off it.
     const HAIR: f64 = 1e-13;
@@ -186,7 +186,7 @@ mod tests {
                 if (length - 1.0).abs() < 1e-6 {
                     assert!(cosine(slope, normal) > 1.0 - 1e-6, "{shape:?} {p:?} {slope:?} {normal:?}");
                 }
-                // Farther away than asked for, the sign and that it is far are true.
+                // Farther away than asked for, only the sign and the excess hold.
                 let near = shape.distance_near(p, 0.5);
                 assert!(
                     (near < 0.0) == (distance < 0.0) && (near - distance).abs() < 1e-12 || near.abs() > 0.5

@@ -12,7 +12,7 @@ use std::fmt::Display;
 /// The prefix of the name.
 pub(super) const PREFIX: &str = "synthetic:";
 
-/// Name of the head, which is made by other means.
+/// Name of the head, which is not a [`Body`].
 pub(super) const HEAD: &str = "head";
 
 pub(super) const BODIES: [&str; 11] = [
@@ -29,10 +29,10 @@ pub(super) const BODIES: [&str; 11] = [
     "salt",
 ];
 
-/// How a body becomes samples.
+/// Sampling of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sampling {
-    /// Inside or outside at the sample's place, nothing in between?
+    /// True to sample inside or outside, with nothing in between.
     pub binary: bool,
     /// Standard deviation of the point spread in units of the finest spacing; 0 for a sharp edge.
     pub psf: f64,
@@ -40,7 +40,7 @@ pub(crate) struct Sampling {
     pub slab: f64,
     /// Standard deviation of the noise, as a part of the step from air to body.
     pub noise: f64,
-    /// Where the noise, and salt, start.
+    /// Seed of the noise, and of salt.
     pub seed: u64,
     /// Bits of a sample: 1 to 16 (steps of whole numbers), or 32 (single precision).
     pub bits: u32,
@@ -48,7 +48,7 @@ pub(crate) struct Sampling {
     pub spacing_mm: [f64; 3],
 }
 
-/// A body and how it is sampled.
+/// A body and its sampling.
 #[derive(Clone, Debug)]
 pub(super) struct Spec {
     pub(super) body: Body,
@@ -56,7 +56,7 @@ pub(super) struct Spec {
     pub(super) sampling: Sampling,
 }
 
-/// The volume that a text asks for.
+/// The volume that a text describes.
 #[derive(Debug)]
 pub(super) enum Request {
     /// The head of so many voxels a side.
@@ -64,10 +64,10 @@ pub(super) enum Request {
     Body(Box<Spec>),
 }
 
-/// Keys that say how samples are taken.
+/// Keys of the sampling.
 const SAMPLING: [&str; 7] = ["sample", "psf", "slab", "noise", "seed", "bits", "spacing"];
 
-/// Keys of a body other than those of the sampling.
+/// Keys of a body other than keys of the sampling.
 fn own_keys(body: &str) -> &'static [&'static str] {
     match body {
         "sphere" => &["radius"],
@@ -84,14 +84,14 @@ fn own_keys(body: &str) -> &'static [&'static str] {
     }
 }
 
-/// Parameters, each taken once.
+/// Parameters, each to be taken once.
 struct Keys<'a> {
     body: &'static str,
     given: Vec<(&'a str, &'a str)>,
 }
 
 impl<'a> Keys<'a> {
-    /// Reads `key=value` pairs apart by `,` or `&`.
+    /// Reads `key=value` pairs, separated by `,` or `&`.
     fn new(body: &'static str, text: Option<&'a str>, known: &[&'static str]) -> Result<Self, Fault> {
         let mut given: Vec<(&str, &str)> = Vec::new();
         for part in text.into_iter().flat_map(|t| t.split([',', '&'])) {
@@ -147,7 +147,7 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// Lengths in units that make sense in a volume.
+/// Range of lengths in units.
 const LENGTHS: [f64; 2] = [0.01, 65536.0];
 const ANGLES: [f64; 2] = [-360.0, 360.0];
 
@@ -192,7 +192,7 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
         .iter()
         .copied()
         .chain(SAMPLING)
-        // The signal is sampled as it is, without a step that could be blurred.
+        // The signal is sampled unchanged, without an edge that could be blurred.
         .filter(|key| !(name == "marschner-lobb" && *key == "psf"))
         .collect();
     let keys = Keys::new(name, keys, &known)?;
@@ -238,7 +238,7 @@ impl Sampling {
     }
 }
 
-/// `N` units a side, which are fewer samples along a coarser axis; or as many samples as stated.
+/// `N` units a side, with fewer samples along a coarser axis; or as many samples as stated.
 fn dims(text: &str, sampling: &Sampling) -> Option<Dims> {
     let side = |text: &str| text.parse::<u32>().ok();
     let parts: Vec<u32> = text.split('x').map(side).collect::<Option<_>>()?;

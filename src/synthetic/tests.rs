@@ -1,4 +1,4 @@
-//! Descriptions become volumes, and samples agree with the true surface given with them.
+//! Descriptions become volumes, and samples agree with the true surface.
 
 use super::*;
 use crate::volume::ScalarType;
@@ -59,7 +59,7 @@ fn densities_follow_the_distance_to_the_surface() {
         between += usize::from((0.1..0.9).contains(density));
     }
     assert!(between > 5000, "{between}");
-    // Noise: as much as asked for, the same again, and other for another seed.
+    // Noise: its amount, its repetition, and its change with the seed.
     let noisy =
         |seed: u32| densities(&analytic(&format!("synthetic:sphere@32?noise=0.05,seed={seed}")).unwrap());
     let (one, again, other) = (noisy(1), noisy(1), noisy(2));
@@ -113,7 +113,7 @@ fn rays_enter_bodies_where_their_distance_vanishes() {
             let across = [f64::from(i % 20) * 3.2, f64::from(i / 20) * 3.2];
             let (origin, direction) = ([across[0], across[1], -20.0], [0.03, -0.02, 1.0]);
             let t = body.cast(origin, direction, 200.0);
-            // What fills the volume is there where the ray begins, too.
+            // A body that fills the volume is also present where the ray begins.
             if let Some(t) = t.filter(|t| *t > 0.0) {
                 hits += 1;
                 let d = math::unit(direction);

@@ -1,4 +1,4 @@
-//! A body as a volume: samples computed when they are asked for.
+//! A body as a volume, with samples computed on demand.
 
 use std::ops::Range;
 
@@ -13,10 +13,9 @@ use crate::volume::{
 /// A body whose surface is known, sampled on demand.
 ///
 /// Values are densities, 0 in air and 1 in the body, at any number of bits; **the true surface is at 1/2**. The point
-/// spread acts across the surface: a sample is the share of a normal distribution that lies within the distance to
-/// the surface. So the level 1/2 is the true surface itself and errors that are measured are the program's; a true
-/// convolution would move it by `psf^2` times the mean curvature. Slices that average over their thickness do move
-/// it, as a scanner's do.
+/// spread acts across the surface: a sample is the share of a normal distribution that lies within the distance to the
+/// surface. So the level 1/2 is the true surface itself and measured errors are the program's; a true convolution would
+/// move it by `psf^2` times the mean curvature. Slices that average over their thickness do move it, as a scanner's do.
 ///
 /// Every sample is a function of its place alone, by arithmetic that rounds alike on every machine. Memory: some
 /// hundred bytes. Cost: 5 to 30 ns for each sample of density, ellipsoids and waves up to 300 ns near the surface,
@@ -33,8 +32,8 @@ pub struct AnalyticVolume {
     heights: Vec<f64>,
 }
 
-/// Places averaged for each unit of a slab's thickness, behind a blur and for a sharp edge: with a blur of 0.8 the
-/// rule of midpoints is then off by less than 1e-9.
+/// Places averaged for each unit of a slab's thickness, with a blur and for a sharp edge: with a blur of 0.8 the rule
+/// of midpoints is then off by less than 1e-9.
 const PLACES_PER_UNIT: [f64; 2] = [2.0, 8.0];
 /// Below this point spread an edge is sharp.
 const SHARP: f64 = 0.4;
@@ -52,7 +51,7 @@ impl AnalyticVolume {
                 Some(f64::from(1_u32 << (bits - 1))),
             ),
         };
-        // Air stands at a quarter and the body at three quarters of the range, so that noise has room.
+        // Air is at a quarter and the body at three quarters of the range, to leave room for noise.
         let rescale =
             steps.map_or(Rescale::IDENTITY, |steps| Rescale { slope: 1.0 / steps, intercept: -0.5 });
         let thickness = sampling.slab * spacing[2];
@@ -92,12 +91,12 @@ impl AnalyticVolume {
         self.info.dims
     }
 
-    /// The place in units, from the volume's low corner, of a point of the model's world in LPS mm.
+    /// The place in units, from the volume's low corner, of a point in LPS mm.
     pub(crate) fn place_of(&self, world_mm: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| world_mm[a] / self.unit_mm + 0.5 * self.spacing[a])
     }
 
-    /// The true surface nearest to a point of the model's world in LPS mm. Axes of the world are those of the volume.
+    /// The true surface nearest to a point in LPS mm. Axes of the world are the volume's.
     pub fn surface_at(&self, world_mm: [f64; 3]) -> TrueSurface {
         self.body.surface(self.place_of(world_mm))
     }

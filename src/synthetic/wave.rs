@@ -13,11 +13,11 @@ pub(super) enum Wave {
     MarschnerLobb { edge: Vector, frequency: f64, depth: f64 },
 }
 
-/// Rounds of the search for the nearest point; it converges by a factor of distance over radius each.
+/// Iterations of the search for the nearest point; each converges by a factor of distance over radius.
 const ROUNDS: u32 = 300;
 
 impl Wave {
-    /// The signal that is sampled as it is, within 0..1.
+    /// The signal of Marschner and Lobb, within 0..1; else `None`.
     pub(super) fn signal(&self, p: Vector) -> Option<f64> {
         match self {
             Self::Gyroid { .. } => None,
@@ -49,7 +49,7 @@ impl Wave {
         }
     }
 
-    /// The value over the slope: the distance to first order.
+    /// The value over the slope: a first-order distance.
     pub(super) fn first_order(&self, p: Vector) -> f64 {
         let (value, slope) = self.value_and_slope(p);
         let length = dot(slope, slope).sqrt();
@@ -76,7 +76,8 @@ impl Wave {
         self.value_and_slope(p).0 / self.steepest()
     }
 
-    /// The nearest point: steps to the surface along the slope, and along the surface towards below `p`, in turns.
+    /// The nearest point: alternate steps to the surface along the slope, and along the surface towards the foot of
+    /// `p`.
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let mut foot = p;
         let mut normal = [1.0, 0.0, 0.0];
@@ -97,7 +98,7 @@ impl Wave {
             if dot(moved, moved) < 1e-24 {
                 break;
             }
-            // Where the surface bends sharply, whole steps go to and fro: smaller ones meet in the middle.
+            // Where the surface bends sharply, full steps oscillate: smaller ones converge.
             if dot(moved, last) < 0.0 {
                 pull *= 0.75;
             }

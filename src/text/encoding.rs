@@ -26,7 +26,7 @@ pub(crate) fn mark_bytes(head: &[u8]) -> Result<usize, Utf16> {
 }
 
 /// The first bytes of a file as its format states them: without a mark, and one byte for each character of UTF-16, so
-/// that its reader is found and can refuse it.
+/// that the format's reader is found and can refuse it.
 pub(crate) fn plain_head(head: &[u8]) -> Cow<'_, [u8]> {
     match first_wide(head) {
         Some(at) => head.iter().skip(at).step_by(2).copied().collect(),

@@ -1,10 +1,10 @@
-//! The one way in which text from outside is printed: names of files, texts of headers, metadata of models, what
-//! the system and other programs say.
+//! The one way in which text from outside is printed: names of files, texts of headers, metadata of models, messages of
+//! the system and of other programs.
 //!
-//! Such text may hold anything that its author liked: an escape sequence that recolours a terminal or types
-//! for its user, a line feed that forges a line of a report, an override of the direction of writing that makes
-//! `gpj.exe` of `exe.jpg`. All of these are shown as U+FFFD, as bytes that are not text. What is data (JSON,
-//! file names that are opened) keeps them; [`json`] escapes them, which says the same.
+//! Such text may hold anything: an escape sequence that recolours a terminal or types for its user, a line feed that
+//! forges a line of a report, an override of the direction of writing that makes `gpj.exe` of `exe.jpg`. All of these
+//! are shown as U+FFFD, as bytes that are not text. Data (JSON, file names that are opened) keeps them; [`json`]
+//! escapes them, which has the same meaning.
 
 use std::borrow::Cow;
 use std::ffi::OsStr;
@@ -14,19 +14,19 @@ use std::sync::OnceLock;
 
 use serde::Serialize;
 
-/// What stands for a character that is not shown.
+/// Replacement of a character that is not shown.
 const REPLACEMENT: char = char::REPLACEMENT_CHARACTER;
 
-/// Would a character do something else than show itself? Controls (C0, DEL, C1), separators of lines and
-/// paragraphs, and what turns the direction of writing.
+/// True for a character with an effect besides its display: controls (C0, DEL, C1), separators of lines and paragraphs,
+/// and characters that turn the direction of writing.
 fn is_active(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{061c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// What can hold foreign text.
+/// Types that can hold foreign text.
 pub trait Foreign {
-    /// The text; bytes that are none are replaced.
+    /// The text; invalid bytes are replaced.
     fn text(&self) -> Cow<'_, str>;
 }
 
@@ -60,11 +60,11 @@ impl Foreign for std::path::PathBuf {
     }
 }
 
-/// A file that sentences call by another name.
+/// A file that sentences name differently.
 static RENAMED: OnceLock<(PathBuf, &str)> = OnceLock::new();
 
-/// Has every sentence of this process call the file at `path` by `name`, as one into which a stream was spooled; the
-/// first call counts.
+/// Makes every sentence of this process name the file at `path` as `name`, for instance a file into which a stream was
+/// spooled; the first call counts.
 pub fn call(path: PathBuf, name: &'static str) {
     let _ = RENAMED.set((path, name));
 }
@@ -72,7 +72,7 @@ pub fn call(path: PathBuf, name: &'static str) {
 /// Foreign text on one line, fit for people: see [`shown`].
 pub struct Shown<'a, T: Foreign + ?Sized>(&'a T);
 
-/// Foreign text as it is printed: nothing in it acts, and it ends no line.
+/// Foreign text for printing: nothing in it acts, and it ends no line.
 pub fn shown<T: Foreign + ?Sized>(text: &T) -> Shown<'_, T> {
     Shown(text)
 }
@@ -87,15 +87,16 @@ impl<T: Foreign + ?Sized> Display for Shown<'_, T> {
     }
 }
 
-/// A path as data, for JSON and CSV: as it is, but for bytes that are not text, and with `/` on Windows, too. Who prints it prints it [`shown`].
+/// A path as data, for JSON and CSV: unchanged, except for bytes that are not text, and with `/` on Windows, too.
+/// Printing requires [`shown`].
 pub fn data(path: &Path) -> String {
     crate::platform::as_reported(path.as_os_str().to_string_lossy().into_owned())
 }
 
-/// A text without characters that act; line feeds are kept if it may have `lines`.
+/// A text without characters that act; line feeds are kept if `lines` is set.
 ///
-/// What ends up on a terminal, in HTML or in CSV goes through here a last time, so that a text that was forgotten
-/// does no harm.
+/// All output to a terminal, to HTML or to CSV passes through here last, so that a text that was forgotten does no
+/// harm.
 pub fn plain(text: &str, lines: bool) -> Cow<'_, str> {
     let acts = |c: char| is_active(c) && !(lines && c == '\n');
     if text.chars().any(acts) {
@@ -105,7 +106,7 @@ pub fn plain(text: &str, lines: bool) -> Cow<'_, str> {
     }
 }
 
-/// A value as JSON on one line, in which everything that acts is escaped: the same value to every reader.
+/// A value as JSON on one line, with every active character escaped: the same value to every reader.
 pub fn json<T: Serialize + ?Sized>(value: &T) -> String {
     escaped(serde_json::to_string(value).unwrap_or_default())
 }
@@ -116,10 +117,10 @@ fn escaped(text: String) -> String {
     }
     let mut escaped = String::with_capacity(text.len() + 16);
     for c in text.chars() {
-        // Outside of strings there are none.
+        // Such characters only occur in strings.
         if is_active(c) {
             for unit in c.encode_utf16(&mut [0; 2]) {
-                // Writing to a string does not fail.
+                // Writing to a string cannot fail.
                 let _ = write!(escaped, "\\u{unit:04x}");
             }
         } else {

@@ -1,4 +1,4 @@
-//! The parts that sentences are made of; each sentence stands with the variant that it is about.
+//! The parts that sentences are made of; each sentence is defined with its variant.
 //!
 //! | file | parts |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | `encoding` | byte order marks of text files |
 //! | `foreign` | text from outside, in the one way in which it is printed |
 //! | `names` | names of options and jobs, as the caller knows them |
-//! | `number` | numbers with the digits that mean something |
+//! | `number` | numbers with their significant digits |
 //! | `system` | cures for refusals of the operating system |
 
 mod color;
@@ -28,7 +28,7 @@ pub use names::{Name, spell};
 pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};
 
-/// An optional value that is written as text.
+/// An optional value that is given as text.
 pub(crate) fn some_text<'de, D: Deserializer<'de>, T: FromStr<Err = String>>(
     deserializer: D,
 ) -> Result<Option<T>, D::Error> {

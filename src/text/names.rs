@@ -1,5 +1,5 @@
-//! Names of options and jobs in sentences: fields and functions to a Rust caller, flags and commands to the user of a
-//! program that says how it spells them.
+//! Names of options and jobs in sentences: fields and functions for a Rust caller, flags and commands for the user of a
+//! program that sets its own spelling.
 
 use std::fmt;
 use std::sync::OnceLock;
@@ -10,7 +10,8 @@ pub struct Name(&'static str);
 
 static SPELLER: OnceLock<fn(&str) -> String> = OnceLock::new();
 
-/// Spells the names in all sentences of this process; the first call counts. Without it they are those of the library.
+/// Sets the spelling of names in all sentences of this process; the first call counts. The default are the library's
+/// names.
 pub fn spell(speller: fn(&str) -> String) {
     let _ = SPELLER.set(speller);
 }
@@ -36,7 +37,7 @@ macro_rules! names {
 }
 
 names! {
-    // Options: fields of the types of options, or what such a field is set to.
+    // Options: fields of the types of options, or values of such a field.
     ALL_VOLUMES = "all_volumes",
     CHANNELS = "channels",
     DIMS = "dims",

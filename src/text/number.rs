@@ -1,11 +1,11 @@
-//! Numbers for people: as many digits as mean something. JSON has them in full.
+//! Numbers for people, with their significant digits only. JSON has them in full.
 
 use std::fmt;
 
 /// Digits of a number that is not whole.
 const DIGITS: i32 = 6;
 
-/// A number of which at most six digits are shown; whole numbers below 10^15 are shown whole.
+/// A number shown with at most six digits; whole numbers below 10^15 are shown in full.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Short(
     /// The number.
@@ -22,12 +22,12 @@ impl fmt::Display for Short {
     }
 }
 
-/// A number and its error, rounded alike: the error to two digits.
+/// A number and its error, rounded to the same place: the error to two digits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WithError {
     /// The number.
     pub value: f64,
-    /// How far it may be off, to either side.
+    /// Error to either side.
     pub error: f64,
 }
 
@@ -50,7 +50,7 @@ fn power(value: f64) -> i32 {
     text.split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0)
 }
 
-/// Rounded to a place after (or, below 0, before) the decimal point, without zeros at the end.
+/// Writes a number rounded to a place after (or, below 0, before) the decimal point, without zeros at the end.
 fn write_rounded(f: &mut fmt::Formatter<'_>, value: f64, places: i32) -> fmt::Result {
     if !(-12..=12).contains(&places) {
         return write!(f, "{value:.0$e}", usize::try_from(DIGITS - 1).unwrap_or(0));

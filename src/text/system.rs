@@ -7,7 +7,7 @@ use crate::atomic::TargetFault;
 use crate::platform::{is_not_regular, is_open_elsewhere, is_too_many_open};
 use crate::text::names::SCAN;
 
-/// The cure where a file cannot be read; `usual` where the reason says no more.
+/// The cure for a file that cannot be read; `usual` if the reason suggests no other.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
     if is_too_many_open(cause) {
         Cure::RaiseLimit
@@ -39,7 +39,7 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
     }
 }
 
-/// The cure where an output file cannot be written.
+/// The cure for an output file that cannot be written.
 pub(crate) fn writing(cause: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
     if is_too_many_open(cause) {

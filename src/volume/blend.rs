@@ -1,10 +1,10 @@
-//! Samples between two others.
+//! Interpolation of samples.
 
 use std::ops::Range;
 
 use super::{ScalarType, VolumeInfo};
 
-/// Bytes of the second neighbour that are held while rows between two slices are made, where a row is not longer.
+/// Bytes of the second neighbour that are held while rows between two slices are made, unless a row is longer.
 const NEIGHBOUR_BYTES: usize = 64 << 10;
 
 /// Bytes that [`blend_rows`] holds for whole rows of a volume.
@@ -12,11 +12,11 @@ pub(crate) fn neighbour_bytes(info: &VolumeInfo) -> u64 {
     NEIGHBOUR_BYTES.max(info.dims.nx() as usize * info.scalar.bytes()) as u64
 }
 
-/// Moves rows of one slice, of so many columns, a part of the way to those of another, which `read` gives some rows at
-/// a time.
+/// Moves rows of one slice, of `cols` columns, a part of the way to the same rows of another, which `read` delivers a
+/// few at a time.
 ///
 /// # Errors
-/// Those of `read`.
+/// The errors of `read`.
 pub(crate) fn blend_rows<E>(
     scalar: ScalarType,
     part: f64,
@@ -42,8 +42,8 @@ pub(crate) fn blend_rows<E>(
     Ok(())
 }
 
-/// Replaces each sample by that which lies `part` (0 to 1) of the way to its neighbour; integers are
-/// rounded half away from zero. Both are in native byte order and equally long.
+/// Replaces each sample by the value `part` (0 to 1) of the way to its neighbour; integers are rounded half away from
+/// zero. Both are in native byte order and equally long.
 fn blend(scalar: ScalarType, own: &mut [u8], other: &[u8], part: f64) {
     match scalar {
         ScalarType::U8 => each::<u8>(own, other, part),

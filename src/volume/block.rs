@@ -1,4 +1,4 @@
-//! Blocks of rows: whether a request is sound, and how one is read from a file of plain samples.
+//! Blocks of rows: checks of requests, and reading from a file of plain samples.
 
 use std::io;
 use std::ops::Range;
@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::VolumeInfo;
 use crate::platform::PositionalFile;
 
-/// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
-/// part of them row by row; `out` holds nothing else.
+/// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call, partial ones row by
+/// row. `out` has the length of the block.
 pub(crate) fn read_block(
     file: &PositionalFile,
     base: u64,
@@ -32,7 +32,7 @@ pub(crate) fn read_block(
         .try_for_each(|(part, row)| file.read_exact_at(part, at(row)))
 }
 
-/// Is the request inside the volume, and `out` as long as the trait promises?
+/// Checks that the request lies inside the volume, and that `out` is as long as the trait promises.
 pub(crate) fn check_request(
     info: &VolumeInfo,
     z: u32,

@@ -9,8 +9,8 @@ use crate::fault::usage;
 use crate::geom::Dims;
 use crate::text::names::ROI;
 
-/// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
-/// place in the world. Nothing is held; no pass is added.
+/// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its place in
+/// the world. No memory is held; no pass is added.
 pub struct Crop<'a> {
     source: Box<dyn VolumeSource + 'a>,
     info: VolumeInfo,

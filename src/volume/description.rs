@@ -3,10 +3,10 @@
 use std::fmt;
 use std::ops::Range;
 
-/// Origin of a volume: what a model records of it, and what messages call it.
+/// Origin of a volume: the record in a model, and the name in messages.
 ///
-/// Its text ([`fmt::Display`]) goes into the metadata of the model: the kind of image and what was done to it.
-/// It is made of the typed fields alone, so that no name of a file, a folder or a person can get there.
+/// Its text ([`fmt::Display`]) goes into the metadata of the model: the kind of image and its treatments. It is made of
+/// the typed fields alone, so that no name of a file, a folder or a person can get there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SourceDescription {
     /// Kind of source: `raw`, `dicom`, `synthetic`, ...
@@ -17,7 +17,7 @@ pub struct SourceDescription {
     pub kind: ImageKind,
     /// Treatments of the volume, in order.
     pub treatments: Vec<Treatment>,
-    /// What the input states of its labels; names may come from names of files.
+    /// Labels that the input states; names may come from names of files.
     pub labels: Vec<StatedLabel>,
     /// Number of files read.
     pub files: u64,
@@ -25,15 +25,15 @@ pub struct SourceDescription {
     pub bytes: u64,
 }
 
-/// What an input states of one of its labels.
+/// A label as an input states it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StatedLabel {
     /// Its number in the volume.
     pub number: u16,
-    /// Its name: the meaning of a code, or that of a class; may be empty.
+    /// Its name: the meaning of a code or of a class; may be empty.
     pub name: String,
-    /// Another name, which somebody typed in where there is a code, too. It may identify a patient, and is written into a
-    /// model only if that is asked for.
+    /// Another name, which somebody typed in where there is a code, too. It may identify a patient, and is written into
+    /// a model only if that is asked for.
     pub typed: String,
     /// Its colour (sRGB), if one is stated.
     pub color: Option<[u8; 3]>,
@@ -42,7 +42,7 @@ pub struct StatedLabel {
 /// Kinds of images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ImageKind {
-    /// Nothing is stated of it.
+    /// The input states no kind.
     #[default]
     Unstated,
     /// A part of a series of images.
@@ -51,14 +51,14 @@ pub enum ImageKind {
         object: String,
         /// Number of the series in its study.
         number: Option<i32>,
-        /// Which of the volumes of the series it is, for example `echo 2`; or empty.
+        /// Volume of the series, for example `echo 2`; or empty.
         part: String,
     },
     /// A synthetic object, by its name.
     Synthetic(&'static str),
 }
 
-/// The kind of image whose values are parts of voxels.
+/// The kind of image with parts of voxels as values.
 pub(crate) const FRACTIONAL: &str = "fractional segmentation";
 
 impl ImageKind {
@@ -87,7 +87,7 @@ impl fmt::Display for ImageKind {
     }
 }
 
-/// Something that was done to a volume before its model was built.
+/// Treatment of a volume before its model was built.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Treatment {
     /// The input states another spacing.
@@ -96,9 +96,9 @@ pub enum Treatment {
     DirectionsReplaced,
     /// A part was cut out: voxel indices along x, y, z, the ends not included.
     Crop([Range<u32>; 3]),
-    /// It was made so many times smaller along each axis.
+    /// Reduction by this factor along each axis.
     Downsample(u32),
-    /// Its occupancy was cleaned, in these steps.
+    /// Cleaning of its occupancy, in these steps.
     Cleaned(Vec<String>),
 }
 

@@ -9,7 +9,7 @@ use crate::fault::usage;
 use crate::geom::Dims;
 use crate::text::names::DOWNSAMPLE;
 
-/// Samples of the original that are read at a time; of doubles, 32 KiB.
+/// Samples of the original that are read at a time; 32 KiB of doubles.
 const PIECE: usize = 4096;
 
 /// Means over blocks of 2^3 or 4^3 voxels.
@@ -19,8 +19,8 @@ const PIECE: usize = 4096;
 /// exact, and any other rounded once. At the high border a block holds the voxels that there are. NaN is left
 /// out; a block of nothing else is NaN.
 ///
-/// **Geometry.** A voxel's centre is that of its whole block and the spacing grows by the factor: the box of
-/// the volume stays where it is (but for blocks that reach beyond it).
+/// **Geometry.** A voxel's centre is its whole block's, and the spacing grows by the factor: the box of the volume
+/// stays in place (except for blocks that reach beyond it).
 ///
 /// **Cost.** Computed whenever rows are read, so that no disk is needed: every pass over this volume reads all of
 /// the original. Memory: 64 KiB a reading thread.

@@ -13,11 +13,11 @@ use crate::text::names::{MEMORY, SCRATCH};
 use crate::text::{reading, shown};
 
 opaque_error! {
-    /// A source that cannot be used: which file or folder, and why.
+    /// A source that cannot be used: the file or folder, and the reason.
     SourceError(SourceFault)
 }
 
-/// Why, with its sentence.
+/// Faults of a source, with their sentences.
 #[derive(Debug, Error)]
 pub(crate) enum SourceFault {
     #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
@@ -89,7 +89,7 @@ impl SourceError {
         SourceFault::ReadFailed { path: path.into(), slice, cause }.into()
     }
 
-    /// The sentence without its path, where that stands for itself.
+    /// The sentence without its path, if it makes sense alone.
     pub(crate) fn reason(&self) -> String {
         match self.fault() {
             SourceFault::Said(fault) => fault.text.to_string(),
@@ -97,7 +97,7 @@ impl SourceError {
         }
     }
 
-    /// A fault that names no file yet is one of this file.
+    /// Names this file in a fault that names none yet.
     pub(crate) fn in_file(mut self, path: Option<&PathBuf>) -> Self {
         if let (SourceFault::Said(fault), Some(path)) = (self.fault_mut(), path)
             && fault.path().is_none()
@@ -117,12 +117,12 @@ impl SourceError {
         }
     }
 
-    /// True if missing or uneven slices are all that is wrong, so that the caller may choose what to do about them.
+    /// True if missing or uneven slices are the only fault, so that the caller may choose their treatment.
     pub(crate) fn has_gaps(&self) -> bool {
         matches!(self.fault(), SourceFault::Said(Fault { kind: FaultKind::Gaps, .. }))
     }
 
-    /// True if the input is broken, rather than of a kind that is not used.
+    /// True if the input is broken; false if it is only of an unsupported kind.
     pub(crate) fn is_damage(&self) -> bool {
         matches!(self.fault(), SourceFault::Said(Fault { kind: FaultKind::Damage, .. }))
     }

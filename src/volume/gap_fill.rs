@@ -8,14 +8,14 @@ use super::{InfoOverride, Result, VolumeInfo, VolumeSource, Wrapper};
 use crate::geom::Dims;
 use crate::volume::Note;
 
-/// Slices of another volume and, between them, slices made of their two neighbours: linear in what is delivered,
-/// integers rounded half away from zero.
+/// Slices of another volume and, between them, slices made of their two neighbours: delivered samples are interpolated
+/// linearly, integers rounded half away from zero.
 ///
 /// Holds 16 bytes a slice; while it is read, 64 KiB (or one row) for each thread.
 pub(crate) struct GapFill {
     source: Box<dyn VolumeSource>,
     info: VolumeInfo,
-    /// For each slice one of `source`, and how much of the way to the next one it lies.
+    /// For each slice a slice of `source`, and the part of the way to the next one.
     slices: Vec<(u32, f64)>,
 }
 
@@ -46,7 +46,7 @@ impl Wrapper for GapFill {
     }
 
     fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
-        // A slice out of range is refused by the volume behind.
+        // The inner volume refuses a slice out of range.
         let (at, part) = self.slices.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
         self.source.read_rows(at, rows.clone(), cols.clone(), out)?;
         if part == 0.0 {

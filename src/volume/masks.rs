@@ -1,4 +1,5 @@
-//! Several masks of one grid as one map of labels, as segmentation tools write them: a file, or a segment, for each part.
+//! Several masks of one grid as one map of labels, as segmentation tools write them: a file, or a segment, for each
+//! part.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -11,25 +12,25 @@ use crate::geom::Dims;
 use crate::text::names::{OVERLAP, VOLUME};
 use crate::volume::Note;
 
-/// Masks that one map may be made of.
+/// Most masks that one map may be made of.
 ///
 /// Each holds two open files, of which a process may have 1,024 where nothing else is set.
 pub(crate) const MAX_MASKS: usize = 400;
 
-/// Which label a voxel has that several masks hold.
+/// Label of a voxel in several masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Overlap {
-    /// That of the first of them.
+    /// The label of the first mask.
     First,
-    /// That of the last.
+    /// The label of the last mask.
     #[default]
     Last,
-    /// None: such masks are refused.
+    /// No label: overlapping masks are refused.
     Refuse,
 }
 
-/// A mask, and the label of what is in it.
+/// A mask, and the label of the voxels in it.
 pub(crate) struct MaskPart {
     pub(crate) source: Box<dyn VolumeSource>,
     pub(crate) label: StatedLabel,
@@ -37,12 +38,12 @@ pub(crate) struct MaskPart {
 
 /// Masks of one grid as labels; inside a mask are its samples above 0.
 ///
-/// Memory: 64 KiB (or a row) for each thread, and what the masks hold. Cost: each mask is read once more than the map
-/// itself, to count what overlaps.
+/// Memory: 64 KiB (or a row) for each thread, and that of the masks. Cost: each mask is read once more than the map
+/// itself, to count overlaps.
 pub(crate) struct Masks {
     info: VolumeInfo,
     parts: Vec<MaskPart>,
-    /// Where the first voxel of each lies.
+    /// Place of the first voxel of each mask.
     places: Vec<[u32; 3]>,
     overlap: Overlap,
     is_counted: bool,
@@ -51,18 +52,18 @@ pub(crate) struct Masks {
 /// Bytes of a mask that are read at a time.
 const PART_BYTES: usize = 64 << 10;
 
-/// Samples that are skipped at once where all are 0.
+/// Samples that are skipped together where all are 0.
 const SEVERAL: usize = 64;
 
-/// Parts of a voxel by which the corners of two grids may be apart.
+/// Greatest distance of the corners of two grids, in voxels.
 const APART: f64 = 0.01;
 
 impl Masks {
-    /// The map of these masks, of which there is at least one.
+    /// The map of these masks, at least one.
     ///
     /// # Errors
-    /// They lie on different grids, or are of different sizes; `segments`, which are parts of one file, may have sizes of
-    /// their own.
+    /// The masks lie on different grids, or are of different sizes; `segments`, which are parts of one file, may have
+    /// sizes of their own.
     pub(crate) fn of(parts: Vec<MaskPart>, overlap: Overlap, segments: bool) -> Result<Self> {
         let Some(first) = parts.first().map(|part| part.source.info()) else {
             return Err(Fault::no_volume().into());
@@ -112,7 +113,7 @@ impl Masks {
         }
         info.description.files = parts.iter().map(|part| part.source.info().description.files).sum();
         info.description.bytes = parts.iter().map(|part| part.source.info().description.bytes).sum();
-        // Each mask says the same of itself.
+        // Each mask has the same notes.
         info.notes = parts.iter().flat_map(|part| part.source.info().notes.clone()).fold(
             Vec::new(),
             |mut kept, note| {
@@ -125,8 +126,8 @@ impl Masks {
         Ok(Self { info, parts, places, overlap, is_counted: false })
     }
 
-    /// Calls `found` with the samples of a block of the map that are inside a mask, counted row by row. Gives the first of
-    /// their values, and another one if they differ.
+    /// Calls `found` with the samples of a block of the map that are inside a mask, counted row by row. Gives the first
+    /// of their values, and another one if they differ.
     fn for_each_inside(
         &self,
         number: usize,
@@ -149,7 +150,7 @@ impl Masks {
         if own_cols.is_empty() || own_rows.is_empty() || z < place[2] || z - place[2] >= nz {
             return Ok(None);
         }
-        // Where a sample of the mask stands in the block.
+        // Index in the block of the first sample of the mask, and of any other.
         let stride = cols.len();
         let first = ((own_rows.start + place[1] - rows.start) as usize) * stride
             + (own_cols.start + place[0] - cols.start) as usize;
@@ -193,7 +194,7 @@ impl Masks {
         u64::from(self.info.dims.nx()) * u64::from(ROWS)
     }
 
-    /// Voxels that several masks hold, and whether every mask has one value.
+    /// Number of voxels in several masks, and true if every mask has one value.
     fn count_overlaps(&self, workspace: &Workspace<'_>) -> Result<u64> {
         let [nx, ny, nz] = self.info.dims.to_array();
         let _reserved = workspace.reserve(self.held_bytes(), || path_of(&self.info))?;
@@ -229,7 +230,7 @@ impl Masks {
 /// Notes the voxels that several masks, or layers, hold.
 ///
 /// # Errors
-/// There are some, and they are to be refused.
+/// There are such voxels, and they are to be refused.
 pub(crate) fn settle_overlaps(info: &mut VolumeInfo, voxels: u64, overlap: Overlap) -> Result {
     if voxels > 0 && overlap == Overlap::Refuse {
         return Err(usage!(
@@ -255,8 +256,8 @@ fn path_of(info: &VolumeInfo) -> PathBuf {
     PathBuf::from(&info.description.name)
 }
 
-/// The voxels of the first volume's grid that are those of another one, before and beyond the first if need be; `None`
-/// where they are no voxels of it.
+/// The range of the first volume's grid that another volume covers, which may begin before it and end beyond it; `None`
+/// where the grids do not match.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a whole number of voxels, and compared with the place itself"

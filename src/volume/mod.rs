@@ -10,7 +10,8 @@
 //! | [`Voxels`], [`VolumeView`] | a volume that is in memory already: owned, borrowed |
 //! | [`Slices`] | a volume whose slices come one after the other |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
-//! | `wrapper`, `placement`, `crop`, `downsample`, `gap_fill`, `watch` | volumes that wrap another one, and state or deliver something else |
+//! | `wrapper`, `placement`, `crop`, `downsample`, `gap_fill`, `watch` | volumes that wrap another one, and change its
+//! facts or samples |
 
 mod blend;
 mod block;
@@ -129,14 +130,14 @@ impl Rescale {
     }
 }
 
-/// Resources that a source needs before its rows can be read at random.
+/// Resources that a source needs before any of its rows can be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation {
-    /// Bytes that will be written to an anonymous scratch file; 0 if nothing has to be unrolled.
+    /// Bytes to be written to an anonymous scratch file; 0 if nothing has to be unrolled.
     pub scratch_bytes: u64,
-    /// Bytes of memory that are held while it is written, beyond what the source holds when opened.
+    /// Memory in bytes that is held meanwhile, beyond that of the opened source.
     pub memory_bytes: u64,
-    /// Is only that unrolled which is read, when it is?
+    /// True if parts are unrolled on demand, when they are read.
     pub on_demand: bool,
 }
 
@@ -233,16 +234,16 @@ pub trait VolumeSource: Send + Sync {
         None
     }
 
-    /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
-    /// format has opened, so that a change of samples outside the header is noticed.
+    /// Calls `each` for every file that samples are read from, as far as the source knows them; the catalogue asks the
+    /// volumes that a format has opened, so that a change of samples outside the header is noticed.
     fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
 
-    /// Checks that the files have not changed since the volume was opened. Called when everything has been read,
-    /// before the output gets its name: samples from two states of a file form a volume that never existed.
+    /// Checks that the files have not changed since the volume was opened. Called after the last read, before the
+    /// output gets its name: samples from two states of a file form a volume that never existed.
     ///
     /// # Errors
-    /// [`SourceError`] with the first file that is not. What comes from
-    /// [`discovery::open`](fn@crate::discovery::open) notices; a volume opened otherwise does not.
+    /// [`SourceError`] with the first file that has changed. Only volumes from
+    /// [`discovery::open`](fn@crate::discovery::open) notice it.
     fn check_unchanged(&self) -> Result {
         Ok(())
     }
@@ -269,13 +270,13 @@ pub trait VolumeSource: Send + Sync {
     /// The file became unreadable or ended early.
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result;
 
-    /// Like [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and what
-    /// lies between rows is left as it is. `out` ends with the last row.
+    /// Like [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and bytes between
+    /// rows stay unchanged. `out` ends with the last row.
     ///
     /// Rows a little apart do not compete for the same cache lines, as rows of 2^n bytes do.
     ///
     /// # Errors
-    /// As [`VolumeSource::read_rows`].
+    /// The errors of [`VolumeSource::read_rows`].
     fn read_pitched(
         &self,
         z: u32,
@@ -287,7 +288,7 @@ pub trait VolumeSource: Send + Sync {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 
-    /// Bytes that the source may hold per reading thread beyond what it holds when opened.
+    /// Memory in bytes per reading thread, beyond that of the opened source.
     fn resident_bytes(&self) -> u64 {
         0
     }

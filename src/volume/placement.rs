@@ -1,7 +1,7 @@
 //! Spacing and directions that come from outside the file: from the command line, or from a side-car.
 //!
-//! Pictures and arrays state neither, and some headers state less than they could. A format
-//! states its assumptions in notes; such a note goes when the caller states what was missing.
+//! Pictures and arrays state neither, and some headers are incomplete. A format states its assumptions in notes; such a
+//! note is dropped when the caller states the missing value.
 
 use super::{InfoOverride, Note, Result, Treatment, VolumeInfo, VolumeSource};
 use crate::fault::usage;
@@ -10,7 +10,7 @@ use crate::text::Name;
 use crate::text::names::{ORIENTATION, SPACING};
 use crate::volume::NoteKind;
 
-/// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
+/// Spacing and directions that are stated outside the file, and replace the file's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Placement {
@@ -20,16 +20,16 @@ pub struct Placement {
     pub orientation: Option<Orientation>,
 }
 
-/// Relative difference of spacings that are the same; headers print six digits.
+/// Relative difference below which spacings are the same; headers print six digits.
 const TOLERANCE: f64 = 1e-5;
 
 impl Placement {
-    /// Is nothing stated?
+    /// True if neither is stated.
     pub(crate) fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The values stated here, and those of `other` where nothing is stated here.
+    /// The values stated here, with those of `other` in place of missing ones.
     pub(crate) fn or(self, other: Self) -> Self {
         Self {
             spacing_mm: self.spacing_mm.or(other.spacing_mm),
@@ -72,7 +72,7 @@ pub(crate) fn place(
     Ok(InfoOverride::boxed(source, info))
 }
 
-/// Who states what the file does not, or otherwise.
+/// Origin of a placement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StatedBy {
     /// The user who opens the volume.
@@ -82,7 +82,7 @@ pub(crate) enum StatedBy {
 }
 
 impl StatedBy {
-    /// What was stated: an option of the caller, or a key of the side-car.
+    /// Name of the stated value: an option of the caller, or a key of the side-car.
     pub(crate) fn named(self, option: Name, key: &str) -> String {
         match self {
             Self::Caller => option.to_string(),
@@ -95,7 +95,7 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
     let assumed = info.notes.iter().any(|note| note.kind == NoteKind::AssumedSpacing);
     info.notes.retain(|note| note.kind != NoteKind::AssumedSpacing);
     let old = info.spacing_mm;
-    // Of a header that lacks the spacing of one axis, 1 mm is what was assumed.
+    // A header that lacks the spacing of one axis has an assumed 1 mm there.
     let stated = |mm: f64| !(assumed && (mm - 1.0).abs() < TOLERANCE);
     let differs = old.iter().zip(spacing_mm).any(|(a, b)| stated(*a) && (a - b).abs() > TOLERANCE * a.abs());
     for (axis, (new, old)) in spacing_mm.into_iter().zip(old).enumerate() {
@@ -117,7 +117,7 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
     }
 }
 
-/// A spacing for people: six digits, as headers print it.
+/// Text of a spacing: six digits, as headers print it.
 fn mm(spacing_mm: [f64; 3]) -> String {
     let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
     format!("{x} x {y} x {z} mm")

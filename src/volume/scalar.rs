@@ -76,7 +76,7 @@ pub enum Endian {
 }
 
 impl Endian {
-    /// Is this the machine's own order?
+    /// True for the machine's own order.
     pub(crate) fn is_native(self) -> bool {
         (self == Self::Little) == cfg!(target_endian = "little")
     }

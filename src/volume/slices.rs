@@ -11,7 +11,7 @@ use super::{
 use crate::geom::{Affine, Dims};
 use crate::volume::{SourceFault, not_unrolled};
 
-/// Makes the samples of slice z.
+/// Function that makes the samples of slice z.
 type Fill<'a, T> = dyn FnMut(u32, &mut [T]) -> io::Result<()> + Send + 'a;
 
 /// Slices that a function makes in order, from front to back: a decoder, an instrument, a simulation, an iterator.
@@ -39,7 +39,7 @@ type Fill<'a, T> = dyn FnMut(u32, &mut [T]) -> io::Result<()> + Send + 'a;
 /// ```
 pub struct Slices<'a, T> {
     info: VolumeInfo,
-    /// Until it has been asked.
+    /// Source of the slices, until it has been asked.
     fill: Option<Mutex<Box<Fill<'a, T>>>>,
     spool: Option<Spool>,
 }
@@ -52,14 +52,14 @@ impl<'a, T: Scalar> Slices<'a, T> {
         Self { info, fill: Some(Mutex::new(Box::new(fill))), spool: None }
     }
 
-    /// The same voxels at another place: `affine` maps voxel indices to LPS mm.
+    /// Moves the voxels to another place: `affine` maps voxel indices to LPS mm.
     #[must_use]
     pub fn placed(mut self, affine: Affine) -> Self {
         self.info.place(affine);
         self
     }
 
-    /// The same samples with other physical values, to which a threshold refers.
+    /// Gives the samples other physical values, to which a threshold refers.
     #[must_use]
     pub fn rescaled(mut self, rescale: Rescale) -> Self {
         self.info.rescale = rescale;

@@ -26,7 +26,7 @@ impl Spool {
     /// An empty spool (all zero) for a volume of `dims`, in `folder`.
     ///
     /// # Errors
-    /// [`SourceError`] where there is no room for it.
+    /// [`SourceError`] where the folder has no room for it.
     pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self> {
         let bytes = dims.voxels() * scalar.bytes() as u64;
         let failed = |cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause });
@@ -56,7 +56,7 @@ impl Spool {
             .map_err(|cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause }))
     }
 
-    /// As [`super::VolumeSource::read_rows`], of the stored samples; the request has been checked.
+    /// Like [`super::VolumeSource::read_rows`], for the stored samples; the request has been checked.
     pub(crate) fn read_rows(
         &self,
         z: u32,

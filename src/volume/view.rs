@@ -11,9 +11,9 @@ use crate::volume::SourceFault;
 
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
 ///
-/// Strides may be negative, or 0 for an axis along which all samples are one. Memory: none beyond the samples, but where
-/// they follow each other along z (Fortran order) up to 2 MiB for each thread, which reads some slices ahead. Cost: rows along
-/// which samples follow each other are copied whole, any other row sample by sample.
+/// Strides may be negative, or 0 for an axis along which all samples are one. Memory: none beyond the samples, but
+/// where they follow each other along z (Fortran order) up to 2 MiB for each thread, which reads some slices ahead.
+/// Cost: rows along which samples follow each other are copied whole, any other row sample by sample.
 ///
 /// ```
 /// use infobyte::{Dims, VolumeSource, VolumeView};
@@ -32,7 +32,7 @@ pub struct VolumeView<'a> {
     samples: Block<'a>,
 }
 
-/// Bytes, and where the sample of a voxel is among them.
+/// Bytes, and the places of samples in them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block<'a> {
     bytes: &'a [u8],
@@ -40,7 +40,7 @@ pub(super) struct Block<'a> {
     first: usize,
     /// Bytes from a voxel to the next one along x, y, z; negative ones wrap.
     strides: [usize; 3],
-    /// Tells views apart; 0 for one that is not read ahead.
+    /// Number that distinguishes views; 0 for one that is not read ahead.
     number: u64,
 }
 
@@ -52,8 +52,8 @@ const AHEAD_BYTES: usize = 2 << 20;
 /// Bytes that come from memory together.
 const LINE: usize = 64;
 
-/// Pencils of samples along z that are fetched before any of them is turned: rows, and columns. So many lines of memory
-/// are on their way at once, and in their own place they do not compete for the cache.
+/// Rows and columns of pencils of samples along z that are fetched before any of them is turned. As many lines of
+/// memory are on their way together, and in a buffer of their own they do not compete for the cache.
 const PENCILS: [usize; 2] = [4, 32];
 
 /// Words that are turned side by side.
@@ -86,8 +86,8 @@ impl<'a> VolumeView<'a> {
         Some(Self { info, samples })
     }
 
-    /// Samples with any strides, counted in samples: that of voxel (x, y, z) is
-    /// `samples[first + x * strides[0] + y * strides[1] + z * strides[2]]`. `None` if one of them is not in the slice.
+    /// Samples with any strides, counted in samples. Voxel (x, y, z) is
+    /// `samples[first + x * strides[0] + y * strides[1] + z * strides[2]]`; `None` if one of them is not in the slice.
     pub fn strided<T: Scalar>(
         dims: Dims,
         samples: &'a [T],
@@ -99,7 +99,7 @@ impl<'a> VolumeView<'a> {
         Self::from_bytes(dims, T::TYPE, bytemuck::cast_slice(samples), first.checked_mul(size)?, [x?, y?, z?])
     }
 
-    /// As [`VolumeView::strided`] of samples in native byte order, which need not be aligned; `first` and `strides`
+    /// Like [`VolumeView::strided`], for samples in native byte order, which need not be aligned; `first` and `strides`
     /// count bytes.
     pub fn from_bytes(
         dims: Dims,
@@ -120,7 +120,7 @@ impl<'a> VolumeView<'a> {
         is_within.then(|| Self { info: VolumeInfo::in_memory(dims, scalar), samples })
     }
 
-    /// The same voxels at another place: `affine` maps voxel indices to LPS mm. For distances of voxels alone:
+    /// Moves the voxels to another place: `affine` maps voxel indices to LPS mm. To change only the spacing:
     /// [`Affine::from_spacing`].
     #[must_use]
     pub fn placed(mut self, affine: Affine) -> Self {
@@ -128,7 +128,7 @@ impl<'a> VolumeView<'a> {
         self
     }
 
-    /// The same samples with other physical values, to which a threshold refers.
+    /// Gives the samples other physical values, to which a threshold refers.
     #[must_use]
     pub fn rescaled(mut self, rescale: Rescale) -> Self {
         self.info.rescale = rescale;
@@ -146,7 +146,7 @@ impl<'a> Block<'a> {
         is_whole.then(|| Self { bytes: bytemuck::cast_slice(samples), first: 0, strides, number: 0 })
     }
 
-    /// [`VolumeSource::read_pitched`].
+    /// Implementation of [`VolumeSource::read_pitched`].
     pub(super) fn read(
         &self,
         info: &VolumeInfo,
@@ -220,13 +220,14 @@ impl<'a> Block<'a> {
         Ok(())
     }
 
-    /// Do samples follow each other along z, nearer than along the other axes?
+    /// True if samples follow each other along z, nearer than along the other axes.
     fn is_along_z(&self) -> bool {
         let [x, y, z] = self.strides.map(|stride| stride.cast_signed().unsigned_abs());
         self.number > 0 && (1..x.min(y)).contains(&z)
     }
 
-    /// Slices to be read together, of which a part has so many bytes: to the end of the line of the first sample.
+    /// Number of slices to be read together, whose parts are `part_bytes` long each: up to the end of the first
+    /// sample's cache line.
     fn slices_ahead(&self, start: usize, size: usize, part_bytes: usize) -> usize {
         if !self.is_along_z() {
             return 0;
@@ -237,7 +238,7 @@ impl<'a> Block<'a> {
         left.div_ceil(stride.unsigned_abs().max(size)).min(AHEAD_BYTES / (part_bytes + 2 * LINE))
     }
 
-    /// Fills `ahead`; `start` is where its first sample is. `N` samples are a word.
+    /// Fills `ahead`; `start` is the offset of its first sample. `N` samples are a word.
     fn read_ahead<const SIZE: usize, const N: usize>(&self, start: usize, ahead: &mut Ahead) {
         let [sx, sy, sz] = self.strides;
         let row_bytes = ahead.cols.len() * SIZE;
@@ -257,7 +258,7 @@ impl<'a> Block<'a> {
                         let at = start.wrapping_add(along(x0 + x, sx)).wrapping_add(along(y0 + y, sy));
                         let pencil = &mut pencils[x];
                         if sz == SIZE && run == LINE {
-                            // Of a fixed length: many are fetched at a time.
+                            // A copy of fixed length: many are in flight at a time.
                             pencil.copy_from_slice(&self.bytes[at..][..LINE]);
                             continue;
                         }
@@ -310,7 +311,7 @@ fn turn<const SIZE: usize, const N: usize>(
             };
             let mut words: [[u64; LANES]; N] =
                 std::array::from_fn(|k| std::array::from_fn(|lane| word(k, lane)));
-            // A square of samples is turned by halves: those off its diagonal change places.
+            // A square of samples is turned by halves: samples off its diagonal change places.
             let mut half = N / 2;
             while half > 0 {
                 let shift = half * SIZE * 8;
@@ -368,7 +369,7 @@ impl VolumeSource for VolumeView<'_> {
 mod tests {
     use super::*;
 
-    /// Every part of every slice is what the strides say, dense and with a pitch.
+    /// Checks that every part of every slice matches the strides, dense and with a pitch.
     fn check(view: &VolumeView<'_>, sample: impl Fn([u32; 3]) -> u16) {
         let [nx, ny, nz] = view.info().dims.to_array();
         for (z, y0, y1, x0, x1) in (0..nz).flat_map(|z| {
@@ -421,8 +422,8 @@ mod tests {
         });
     }
 
-    /// Where samples follow each other along z they are turned word by word: of every size, from any byte on, in both
-    /// directions, with what is left at the sides.
+    /// Samples that follow each other along z are turned word by word: of every size, from any byte on, in both
+    /// directions, with remainders at the sides.
     #[test]
     fn samples_along_z_are_turned() {
         let dims = Dims::new(37, 6, 45).unwrap();

@@ -8,9 +8,9 @@ use crate::geom::{Affine, Dims};
 
 /// Samples in memory, x fastest, then y, then z.
 ///
-/// For volumes that fit into memory; borrowed samples are a [`VolumeView`](super::VolumeView),
-/// those that come slice by slice [`Slices`](super::Slices). For others implement [`VolumeSource`], and for shapes
-/// without samples [`Solid`](crate::builder::Solid).
+/// For volumes that fit into memory. Borrowed samples are a [`VolumeView`](super::VolumeView), samples that come slice
+/// by slice [`Slices`](super::Slices). For others implement [`VolumeSource`], and for shapes without samples
+/// [`Solid`](crate::builder::Solid).
 ///
 /// ```
 /// use infobyte::{Dims, VolumeSource, Voxels};
@@ -26,7 +26,7 @@ pub struct Voxels<T> {
 }
 
 impl<T: Scalar> Voxels<T> {
-    /// Takes samples as they are, with voxels of 1 mm and the middle of the first one at the origin; `None` unless
+    /// A volume of these samples, with voxels of 1 mm and the middle of the first one at the origin; `None` unless
     /// there is one sample for each voxel.
     pub fn new(dims: Dims, samples: Vec<T>) -> Option<Self> {
         if samples.len() as u64 != dims.voxels() {
@@ -35,7 +35,7 @@ impl<T: Scalar> Voxels<T> {
         Some(Self { info: VolumeInfo::in_memory(dims, T::TYPE), samples })
     }
 
-    /// Asks for every sample by its voxel index (x, y, z). Cost: one call a voxel.
+    /// Computes every sample from its voxel index (x, y, z). Cost: one call a voxel.
     pub fn from_fn(dims: Dims, mut sample: impl FnMut([u32; 3]) -> T) -> Self {
         let mut samples = Vec::new();
         for z in 0..dims.nz() {
@@ -46,7 +46,7 @@ impl<T: Scalar> Voxels<T> {
         Self { info: VolumeInfo::in_memory(dims, T::TYPE), samples }
     }
 
-    /// The same voxels at another place: `affine` maps voxel indices to LPS mm.
+    /// Moves the voxels to another place: `affine` maps voxel indices to LPS mm.
     #[must_use]
     pub fn placed(mut self, affine: Affine) -> Self {
         self.info.place(affine);

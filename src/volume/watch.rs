@@ -8,7 +8,7 @@ use super::{Preparation, Result, VolumeInfo, VolumeSource, Workspace};
 use crate::fault::Fault;
 use crate::identity::file_identity;
 
-/// A volume that reports when one of its files differs from when it was opened.
+/// A volume that reports if one of its files has changed since it was opened.
 ///
 /// Holds 8 bytes a file. Cost: every file is looked up when the volume is made, and again when it is checked.
 pub(crate) struct FileWatch {

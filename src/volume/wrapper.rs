@@ -1,44 +1,44 @@
-//! Volumes that wrap another one: all that they leave as it is, in one place.
+//! Volumes that wrap another one, with the methods that they pass on unchanged in one place.
 
 use std::ops::Range;
 use std::path::Path;
 
 use super::{Note, Preparation, Result, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
-/// A volume made of another one: it states and reads what differs; all else is the inner volume's.
+/// A volume made of another one: it states and reads the differences; all else is the inner volume's.
 ///
 /// Each one is a [`VolumeSource`] by the implementation below. The methods have other names, so that a volume's
 /// methods stay unambiguous.
 pub(crate) trait Wrapper: Sized + Send + Sync {
-    /// The volume behind.
+    /// The inner volume.
     fn inner(&self) -> &dyn VolumeSource;
 
-    /// The volume behind, to be prepared; `None` if it is borrowed, and so was prepared before.
+    /// The inner volume, to be prepared; `None` if it is borrowed, and so was prepared before.
     fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource>;
 
-    /// [`VolumeSource::info`] of the whole.
+    /// [`VolumeSource::info`] of the wrapper.
     fn own_info(&self) -> &VolumeInfo;
 
-    /// The same, to take over the notes that preparing the volume behind adds.
+    /// The wrapper's info, to take over the notes that preparing the inner volume adds.
     fn own_info_mut(&mut self) -> &mut VolumeInfo;
 
-    /// Bytes held per reading thread beyond those of the volume behind.
+    /// Bytes held per reading thread beyond the inner volume's.
     fn own_bytes(&self) -> u64 {
         0
     }
 
-    /// [`VolumeSource::read_rows`] of the whole; the samples of the volume behind, unless it changes them.
+    /// [`VolumeSource::read_rows`] of the wrapper: the inner volume's samples, unless they are changed.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`VolumeSource::read_rows`].
     fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.inner().read_rows(z, rows, cols, out)
     }
 
-    /// [`VolumeSource::read_pitched`] of the whole; row by row, unless there is a better way.
+    /// [`VolumeSource::read_pitched`] of the wrapper: row by row, unless overridden.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`VolumeSource::read_pitched`].
     fn own_pitched(
         &self,
         z: u32,
@@ -70,10 +70,10 @@ macro_rules! owns_source_and_info {
 }
 pub(crate) use owns_source_and_info;
 
-/// Methods of [`VolumeSource`] that the volume `$inner` answers.
+/// Methods of [`VolumeSource`] that are passed on to the volume `$inner`.
 ///
 /// Each implementation denies `missing_trait_methods`: a method that the trait gains is an error there until it is
-/// passed on. Its default would speak for the wrapper instead of the volume behind.
+/// passed on. Its default would speak for the wrapper instead of the inner volume.
 macro_rules! pass_on {
     ($self:ident => $inner:expr; facts) => {
         fn modality(&$self) -> Option<&str> {
@@ -213,7 +213,7 @@ mod tests {
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6, on_demand: true };
 
-    /// A volume that has something of its own to say to every question.
+    /// A volume whose every method differs from the default.
     struct Scan(VolumeInfo);
 
     impl VolumeSource for Scan {

@@ -1,20 +1,19 @@
-//! Corners and edges of a cell, and what a plane may be off them.
+//! Corners and edges of a cell, and tolerances of its plane.
 
 use crate::format::normal;
 
-/// Pulls a fitted plane towards the direction that it is sought near, in square voxels. Batches fit in single
-/// precision, single cells in double: sums of either decide stored bytes, so that neither can take the other's place.
+/// Weight of the guess when a plane is fitted near a direction, in square voxels. Batches fit in single precision,
+/// single cells in double: sums of either decide stored bytes, so one cannot replace the other.
 pub(super) const TOWARDS_GUESS: f64 = 0.05;
 
-/// How far a plane may cover an outside corner, in voxels of the index space.
+/// Depth by which a plane may cover an outside corner, in voxels of the index space.
 pub(super) const TOLERANCE: f32 = 0.1;
 
-/// How far the plane of the smooth gradient may be from the crossings and from corners on the wrong side: where
-/// the surface is smooth, and where it bends. The smaller, the sharper are edges, and the more does noise turn
-/// normals.
+/// Largest distance of the smooth gradient's plane from the crossings and from corners on the wrong side: where the
+/// surface is smooth, and where it bends. Smaller values give sharper edges, and normals more exposed to noise.
 ///
-/// Of a turned box and a noisy ball of 192 voxels, 99th percentile of the distance of hits from the true surface,
-/// and mean error of the normal in degrees:
+/// Measured on a turned box and a noisy ball of 192 voxels: 99th percentile of the distance of hits from the true
+/// surface, and mean error of the normal in degrees:
 ///
 /// | smooth, bent, from a curvature of | box | noise |
 /// |---|---|---|
@@ -26,16 +25,16 @@ pub(super) const TOLERANCE: f32 = 0.1;
 pub(super) const NEAR_SMOOTH: f32 = 0.15;
 pub(super) const NEAR_BENT: f32 = 0.05;
 
-/// Curvature from which a surface bends, per voxel of the index space.
+/// Curvature from which a surface counts as bent, per voxel of the index space.
 pub(super) const BENT: f32 = 0.12;
 
-/// How strongly a plane that was found is turned towards the smooth gradient in the end, in square voxels: as much as
+/// Strength by which a fitted plane is finally turned towards the smooth gradient, in square voxels: equal to
 /// [`TOWARDS_GUESS`] where crossings are .27 voxel off the gradient's plane, eight where they are .05 off. So smooth
-/// cells keep the gradient, edges follow the crossings, and no two neighbours have normals of two estimates.
+/// cells keep the gradient, edges follow the crossings, and neighbouring normals do not come from two estimates.
 ///
-/// Share of neighbours of a head's bone whose gradients agree within 4 degrees and whose normals are more than 12 apart:
-/// 17.6 % with the switch by [`NEAR_SMOOTH`] alone, 10.5 % with this. Tried: a pull of .5 everywhere turns a noisy
-/// ball's normals by .93 in place of .66 degrees, 1 in place of .3 bevels a box.
+/// Share of neighbours of a head's bone whose gradients agree within 4 degrees and whose normals are more than 12
+/// apart: 17.6 % with the switch by [`NEAR_SMOOTH`] alone, 10.5 % with this. Rejected: a pull of .5 everywhere turns a
+/// noisy ball's normals by .93 instead of .66 degrees, 1 instead of .3 bevels a box.
 const PULL: f32 = 0.3;
 const PULL_AT: f32 = 0.15;
 const PULL_NEAREST: f32 = 0.001;
@@ -48,14 +47,15 @@ pub(super) fn pull(off: f32) -> f32 {
     PULL * ratio * ratio * ratio
 }
 
-/// Square of the cosine to a plane's normal up to which a gradient is of the same surface: 60 degrees.
+/// Square of the cosine between a plane's normal and a gradient down to which both belong to the same surface: 60
+/// degrees.
 pub(super) const SAME_SURFACE: f32 = 0.25;
 
 /// The twelve edges as pairs of corners.
 pub(super) const EDGES: [(usize, usize); 12] =
     [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
 
-/// Least and greatest size of a depth: 1 / 0 does not come up, nor does infinity less infinity.
+/// Least and greatest size of a depth: keeps 1 / 0 and infinity less infinity out of the arithmetic.
 pub(super) const MIN_DEPTH: f32 = 1e-20;
 pub(super) const MAX_DEPTH: f32 = 1e30;
 
@@ -63,13 +63,13 @@ pub(super) const MAX_DEPTH: f32 = 1e30;
 #[inline(always)]
 pub(super) fn signed_depth(depth: f32, inside: bool) -> f32 {
     let size = if inside { depth } else { -depth };
-    // What is not a number becomes the least.
+    // NaN becomes the least.
     let size = if size > MIN_DEPTH { size } else { MIN_DEPTH };
     let size = if size < MAX_DEPTH { size } else { MAX_DEPTH };
     if inside { size } else { -size }
 }
 
-/// Code of the direction against a gradient, if it has one.
+/// Code of the direction against a gradient; `None` for a zero gradient.
 pub(super) fn outward(gradient: [f64; 3]) -> Option<u16> {
     encode(gradient.map(|c| -c))
 }

@@ -1,4 +1,4 @@
-//! Cells of a solid that knows where its surface crosses the edges between samples, and which way it faces there.
+//! Cells of a solid that gives the crossings of its surface with the edges between samples, and the normals there.
 //!
 //! ```text
 //!   bits of a brick's slice --> edges whose ends differ --crossings offered--> plane of every cell, or its corners
@@ -22,7 +22,7 @@ use crate::geom::Dims;
 
 /// Samples of a brick's cells along x and y.
 const SIDE: usize = BRICK_ROWS + 1;
-/// Edges along x and y of the lower and the upper slice of samples, and those along z.
+/// Families of edges: along x and y in the lower and the upper slice of samples, and along z.
 const FAMILIES: usize = 5;
 /// Parts of an edge: the resolution of a crossing.
 const PARTS: f64 = 65536.0;
@@ -39,7 +39,7 @@ struct Crossing {
 
 const NOT_CROSSED: Crossing = Crossing { away: u32::MAX, normal: [0; 3] };
 
-/// An edge between two samples, of which one is inside.
+/// An edge between two samples, one of them inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CellEdge {
     /// The sample at its low end; -1 before the first one.
@@ -48,7 +48,7 @@ pub(crate) struct CellEdge {
     pub(crate) low_inside: bool,
 }
 
-/// A number rounded to the nearest, halves up, without the call that `floor` is on machines of old.
+/// Rounds to the nearest integer, halves up, without `floor`, which is a function call on older processors.
 #[inline(always)]
 fn rounded(v: f64) -> i32 {
     let up = v + 0.5;
@@ -64,7 +64,7 @@ pub(crate) struct CellEdges {
     wanted: [[u64; SIDE]; FAMILIES],
     low_inside: [[u64; SIDE]; FAMILIES],
     crossings: Vec<Crossing>,
-    /// The normal that was offered last, and its parts at length 1, as it is and turned.
+    /// The last offered normal, and its parts at length 1: as given and negated.
     facing: ([f64; 3], [[i16; 3]; 2]),
     items: CellItems,
 }
@@ -91,7 +91,7 @@ impl CellEdges {
         super::cell_form(channel)
     }
 
-    /// The items of the cells that were described last.
+    /// Items of the cells that were described last.
     pub(crate) fn items(&self, channel: Channel) -> &[u8] {
         self.items.of(channel)
     }
@@ -123,8 +123,8 @@ impl CellEdges {
         self.forget();
     }
 
-    /// A crossing as it is kept, of an edge whose lower end is inside or not: its place and its normal rounded, the
-    /// normal turned outwards.
+    /// A crossing in its stored form, for an edge whose lower end is inside if `low_inside`: position and normal are
+    /// rounded, the normal is turned outwards.
     #[expect(clippy::cast_possible_truncation, reason = "rounded to 16 bits")]
     pub(crate) fn kept(crossing: &EdgeCrossing, low_inside: bool) -> EdgeCrossing {
         let EdgeCrossing { low, axis, along, normal } = *crossing;
@@ -136,7 +136,7 @@ impl CellEdges {
         EdgeCrossing { low, axis, along: turned(away), normal }
     }
 
-    /// Begins with those edges of others whose ends differ by `inside`.
+    /// Begins with those edges of `others` whose ends differ by `inside`.
     pub(crate) fn begin_among(&mut self, others: &Self, inside: impl Fn([i32; 3]) -> bool) {
         self.corner = others.corner;
         self.wanted = [[0; SIDE]; FAMILIES];
@@ -167,7 +167,7 @@ impl CellEdges {
         }
     }
 
-    /// The samples at the corners of a slice's cells: the lowest, and the highest.
+    /// The lowest and the highest sample at the corners of a slice's cells.
     #[expect(clippy::cast_possible_wrap, reason = "coordinates are below 2^17")]
     pub(crate) fn samples_of(skin: &SkinSlice<'_>) -> [[i32; 3]; 2] {
         let [x, y, z] = skin.corner().map(|c| c as i32 - 1);
@@ -195,7 +195,7 @@ impl CellEdges {
         })
     }
 
-    /// Where an edge is kept: its family, row and column, if its ends differ.
+    /// Slot of an edge: its family, row and column; `None` for an edge whose ends are alike.
     #[inline]
     fn place(&self, low: [i32; 3], axis: usize) -> Option<[usize; 3]> {
         let [x, y, z] = [0, 1, 2].map(|k| (low[k] - self.corner[k]).cast_unsigned() as usize);
@@ -208,14 +208,14 @@ impl CellEdges {
         is_wanted.then_some([family, y, x])
     }
 
-    /// Offers a crossing. Edges whose ends are alike take none.
+    /// Offers a crossing; ignored for edges whose ends are alike.
     #[inline]
     pub(crate) fn offer(&mut self, crossing: &EdgeCrossing) {
         let EdgeCrossing { low, axis, along, normal } = *crossing;
         let Some([family, y, x]) = self.place(low, axis) else { return };
         let low_inside = self.low_inside[family][y] >> x & 1 == 1;
         let away = if low_inside { 1.0 - along } else { along };
-        // Outwards is from the end that is inside to the other.
+        // Outwards is from the inside end to the other.
         let is_turned = (normal[axis] >= 0.0) != low_inside;
         #[expect(clippy::float_cmp, reason = "a triangle's normal comes as it came before")]
         if self.facing.0 != normal {
@@ -231,7 +231,7 @@ impl CellEdges {
         *known = crossing.min(*known);
     }
 
-    /// The crossing of an edge that counts of those that were offered; its normal looks outwards.
+    /// The deciding crossing among those offered for an edge; its normal points outwards.
     pub(crate) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
         let [family, y, x] = self.place(low, axis)?;
         let low_inside = self.low_inside[family][y] >> x & 1 == 1;
@@ -245,8 +245,8 @@ impl CellEdges {
         })
     }
 
-    /// Describes the cells. Edges without a crossing are cut in the middle: by the wall of the grid, which is as far
-    /// from the outermost samples, or by a hole in the surface.
+    /// Describes the cells. Edges without a crossing are cut in the middle, as at the wall of the grid, which is half a
+    /// voxel from the outermost samples, or at a hole in the surface.
     pub(crate) fn describe(&mut self, skin: &SkinSlice<'_>, samples: Dims) {
         self.items.clear();
         for (y, row) in skin.rows().iter().enumerate() {
@@ -266,7 +266,7 @@ impl CellEdges {
         }
     }
 
-    /// One cell: its crossings, and what is made of them.
+    /// Shape of one cell by the crossings of its edges.
     fn cell(&self, [x, y]: [usize; 2], mask: u8, samples: Dims) -> CellShape {
         let (mut along, mut normals) = ([f32::NAN; 12], [[0.0_f32; 3]; 12]);
         for (at, (p, q)) in EDGES.into_iter().enumerate() {

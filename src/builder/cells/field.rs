@@ -1,4 +1,4 @@
-//! The samples around one cell, for what is not done in batches.
+//! The samples around one cell, for cells that are not fitted in batches.
 
 use super::jet::{Jet, jet_of};
 use crate::format::cell::CORNERS;
@@ -7,7 +7,7 @@ use crate::format::cell::CORNERS;
 pub(super) const EDGE: usize = 6;
 const LOW: usize = EDGE / 2 - 1;
 
-/// The mean of some depths, if there are any.
+/// The mean of depths; `None` without any.
 fn mean(depths: impl Iterator<Item = f32>) -> Option<f32> {
     let (sum, count) = depths.fold((0.0, 0.0), |(sum, count), depth| (sum + depth, count + 1.0));
     (count > 0.0).then(|| sum / count)
@@ -28,8 +28,8 @@ impl Field {
         self.inside[z][y][x] = inside;
     }
 
-    /// Puts samples that are NaN or infinite as far on their side as those next to them are on the other: the surface
-    /// lies midway.
+    /// Replaces samples that are NaN or infinite: each gets the mean depth of its neighbours on the other side, so that
+    /// the surface lies midway.
     pub(super) fn mend(&mut self) {
         let depths = self.depth.as_flattened().as_flattened();
         if depths.iter().all(|depth| depth.is_finite()) {
@@ -52,7 +52,7 @@ impl Field {
         }
     }
 
-    /// Says of the cell's corners which are inside: what has no number lies at the surface, but outside.
+    /// Sets the sides of the cell's corners; a NaN then lies at the surface, but outside.
     pub(super) fn set_corners(&mut self, mask: u8) {
         for c in 0..CORNERS {
             self.inside[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)] = mask >> c & 1 == 1;
@@ -72,7 +72,7 @@ impl Field {
         jet_of(|[x, y, z]| self.depth[z + 1][y + 1][x + 1])
     }
 
-    /// Is there one depth inside, and one outside?
+    /// True if all inside depths are equal, and all outside depths are equal.
     pub(super) fn has_two_values(&self) -> bool {
         let (mut of_inside, mut of_outside) = (None, None);
         let depths = self.depth.as_flattened().as_flattened();

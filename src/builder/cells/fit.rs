@@ -1,4 +1,4 @@
-//! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
+//! Planes of cells in batches, without branches so that the loops over a batch vectorise.
 
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
@@ -15,7 +15,7 @@ const EDGE_BEND: f32 = 0.55;
 /// Most cells of a batch.
 pub(super) const BATCH: usize = 128;
 
-/// Cells that wait to be fitted, one value of each in every array.
+/// Cells that wait to be fitted, as a structure of arrays.
 pub(super) struct Batch {
     len: usize,
     cells: [[u32; 3]; BATCH],
@@ -23,15 +23,15 @@ pub(super) struct Batch {
     mask: [u32; BATCH],
     /// Depths inside the range at the corners.
     depth: [[f32; BATCH]; CORNERS],
-    /// Direction in which depths rise, in the middle of the cell and then at the mean of its crossings; NaN for
-    /// cells at the border.
+    /// Direction of rising depths: first at the middle of the cell, then at the mean of its crossings; NaN for cells at
+    /// the border.
     gradient: [[f32; BATCH]; 3],
     second: [[f32; BATCH]; 6],
-    /// Where edges are crossed, from their first corner; NaN where they are not.
+    /// Crossing of each edge, from its first corner; NaN for edges that are not crossed.
     crossing: [[f32; BATCH]; 12],
     /// Mean of the crossings, in voxels from the middle of the cell.
     mean: [[f32; BATCH]; 3],
-    /// How far the smooth plane may be from the crossings.
+    /// Largest distance of the smooth plane from the crossings.
     near: [f32; BATCH],
     code: [u16; BATCH],
     offset: [f32; BATCH],
@@ -46,9 +46,9 @@ pub(super) struct Batch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Plane,
-    /// No plane describes it.
+    /// No plane describes the cell.
     Corners,
-    /// It lies at the border, or two values only say where the surface is.
+    /// The cell lies at the border, or two values alone place the surface.
     OneByOne,
 }
 
@@ -83,8 +83,8 @@ impl Batch {
         self.len = 0;
     }
 
-    /// Appends the cells of a row, whose first one would be at `corner`; `samples` are those of
-    /// `SkinSlice::corner_samples`. Returns the slot of the first; the depths of the inner ones are put later.
+    /// Appends the cells of a row, the first possible one at `corner`; `samples` come from `SkinSlice::corner_samples`.
+    /// Returns the slot of the first; the depths of the inner cells are put later.
     pub(super) fn push_row(&mut self, corner: [u32; 3], row: u32, samples: [u64; 4], inner: u32) -> usize {
         let first = self.len;
         let mut left = row;
@@ -125,16 +125,16 @@ impl Batch {
         self.mask[at].to_le_bytes()[0]
     }
 
-    /// Of a batch that was fitted the depths at a cell's corners, the gradient at the mean of its crossings and
-    /// how far the smooth plane may be from them, unless the cell lies at the border.
+    /// Values of a cell of a fitted batch: the depths at its corners, the gradient at the mean of its crossings and the
+    /// largest distance of the smooth plane from them; `None` for a cell at the border.
     pub(super) fn inner(&self, at: usize) -> Option<([f32; CORNERS], [f32; 3], f32)> {
         let gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][at]);
         let depth = || std::array::from_fn(|c| self.depth[c][at]);
         (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
-    /// Change of depths per mm across the surface of a cell of a batch that was fitted, by the trilinear interpolation at
-    /// the mean of the crossings; 0 at the border and at edges, which blur rounds.
+    /// Change of depths per mm across the surface of a cell of a fitted batch, by trilinear interpolation at the mean
+    /// of the crossings; 0 at the border and at edges, which blur rounds.
     pub(super) fn steepness(&self, at: usize, spacing_mm: [f32; 3]) -> f32 {
         let gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][at]);
         let (across, square) = self.jet(at).bend(gradient);
@@ -166,14 +166,14 @@ impl Batch {
         if is_inner && !may_be_label { Outcome::Corners } else { Outcome::OneByOne }
     }
 
-    /// Normal code and offset of a cell that is fitted.
+    /// Normal code and offset of a fitted cell.
     #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
     pub(super) fn plane(&self, at: usize) -> (u16, i8) {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch; [`Batch::outcome`] gives the results. If a single value is inside, the smooth
-    /// gradient alone is tried.
+    /// Fits all cells of the batch; [`Batch::outcome`] gives the results. With a single value inside, only the smooth
+    /// gradient is tried.
     pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
         dispatch(FitKernel(self));
         self.is_label = is_label;
@@ -219,7 +219,7 @@ impl Batch {
         }
     }
 
-    /// Has the cell one depth inside, and one outside?
+    /// True if all inside corners have one depth, and all outside corners have one depth.
     fn has_two_values(&self, at: usize) -> bool {
         pick::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
     }
@@ -259,7 +259,7 @@ impl Kernel for FitKernel<'_> {
     }
 }
 
-/// Turns the planes that were found towards the smooth gradient: one estimate for all cells.
+/// Turns the fitted planes towards the smooth gradient: one estimate for all cells.
 struct GradientKernel<'a>(&'a mut Batch);
 
 impl Kernel for GradientKernel<'_> {
@@ -271,7 +271,7 @@ impl Kernel for GradientKernel<'_> {
         let b = self.0;
         let len = b.len.next_multiple_of(8).min(BATCH);
         let (mut normal, mut held, mut same) = ([[0.0; BATCH]; 3], [0.0; BATCH], [0_u32; BATCH]);
-        // One task a loop: loops that do more do not become vectors.
+        // One task per loop: longer loops do not vectorise.
         for i in 0..len {
             let [n, ..] = directions([-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]]);
             (normal[0][i], normal[1][i], normal[2][i]) = (n[0], n[1], n[2]);
@@ -287,7 +287,7 @@ impl Kernel for GradientKernel<'_> {
             for i in 0..len {
                 let part = |a: usize| (start[a] + along[a] * t[i] - b.mean[a][i]) * normal[a][i];
                 let off = (part(0) + part(1) + part(2)).abs();
-                // Not a number where the edge is not crossed.
+                // NaN for edges that are not crossed.
                 held[i] = if off > held[i] { off } else { held[i] };
             }
         }
@@ -314,7 +314,7 @@ impl Kernel for GradientKernel<'_> {
     }
 }
 
-/// Is a direction of length 1 that of a gradient within 60 degrees of a plane's normal?
+/// True if a unit gradient is within 60 degrees of a plane's normal.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, reason = "small integers")]
 fn is_same_surface(gradient: [f32; 3], unit: [f32; 3], code: u16) -> bool {
@@ -351,8 +351,8 @@ impl Kernel for StrayKernel<'_> {
     }
 }
 
-/// Gives depths the signs of their sides, and finds where edges are crossed and the mean of that: edge by edge,
-/// as vectors need it.
+/// Gives depths the signs of their sides, and finds the crossings of the edges and their mean: edge by edge, so that
+/// the loops vectorise.
 #[inline(always)]
 fn find_crossings(b: &mut Batch, len: usize) {
     for (c, depths) in b.depth.iter_mut().enumerate() {
@@ -371,7 +371,7 @@ fn find_crossings(b: &mut Batch, len: usize) {
     }
 }
 
-/// Where one edge is crossed in the first `len` cells; adds the points, in voxels from the middle of the cell.
+/// Crossing of one edge in the first `len` cells; adds the points, in voxels from the middle of the cell.
 #[inline(always)]
 fn cross_edge(
     (p, q): (usize, usize),
@@ -386,7 +386,7 @@ fn cross_edge(
     for i in 0..len {
         let (d, e) = (depth_p[i], depth_q[i]);
         let t = d / (d - e);
-        // All bits where the signs differ. Conditions would become masked stores, which some machines take apart.
+        // All bits set where the signs differ. Conditions would become masked stores, which some machines split.
         let crosses = 0_u32.wrapping_sub((d.to_bits() ^ e.to_bits()) >> 31);
         let or_zero = |v: f32| f32::from_bits(v.to_bits() & crosses);
         at[i] = f32::from_bits(t.to_bits() | !crosses);
@@ -401,14 +401,14 @@ fn cross_edge(
 #[derive(Clone, Copy)]
 pub(super) struct Fitted {
     pub(super) offset: f32,
-    /// Greatest distance of a crossing, or of a corner on the wrong side; its square.
+    /// Greatest distance of a crossing, or of a corner on the wrong side; squared.
     pub(super) badness: f32,
-    /// Would it cover an outside corner too far, or are there two values only, which do not say where between
-    /// them the surface lies?
+    /// Not zero if the plane covers an outside corner too far, or if there are two values only, which do not place the
+    /// surface between them.
     pub(super) covers: u32,
 }
 
-/// The plane with this normal through the mean of the crossings, moved so that every inside corner lies behind it.
+/// The plane with this normal through the mean of the crossings, shifted so that every inside corner lies behind it.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, reason = "small integers")]
 pub(super) fn fit_plane(

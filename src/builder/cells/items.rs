@@ -1,4 +1,4 @@
-//! The items of the cells that were described last.
+//! Items of the cells that were described last.
 
 use super::pick::CellShape;
 use crate::builder::gradient::SLICE_VOXELS;
@@ -9,7 +9,7 @@ pub(super) struct CellItems {
     codes: Vec<u8>,
     offsets: Vec<u8>,
     corners: Vec<u8>,
-    /// Singles: change of values per mm across the surface, 0 where unknown; if the channel is built.
+    /// Singles: change of values per mm across the surface, 0 where unknown; empty unless the channel is built.
     steepness: Vec<u8>,
 }
 

@@ -5,12 +5,12 @@ use crate::format::cell::CORNERS;
 
 /// Samples of a cell's neighbourhood along an axis.
 pub(super) const TAPS: usize = 4;
-/// Taps of the smoothing filter: of the two samples next to the cell; the others count once.
+/// Taps of the smoothing filter for the two samples next to the cell; the other two have weight 1.
 pub(super) const NEAR: i8 = 4;
-/// Taps of the derivative: of the two samples next to the cell, and of the others.
+/// Taps of the derivative: for the two samples next to the cell, and for the other two.
 pub(super) const DERIVE: [i8; 2] = [3, 5];
 
-/// Depths at the corners, then what is known of the field in the middle of a cell.
+/// Depths at the corners, and the gradient and second derivatives in the middle of a cell.
 pub(super) struct CellSamples {
     pub(super) corners: [f32; CORNERS],
     pub(super) jet: Jet,
@@ -23,9 +23,8 @@ pub(super) struct Jet {
     pub(super) second: [f32; 6],
 }
 
-/// Sums of taps: a gradient of 1 gives 18 x 10 x 10, a pure second derivative 2 x 10 x 10, a mixed one
-/// 18 x 18 x 10. The taps 1, -1, -1, 1 of the pure ones smooth less than those of the gradient: of what they find
-/// a part is right.
+/// Sums of taps: a gradient of 1 gives 18 x 10 x 10, a pure second derivative 2 x 10 x 10, a mixed one 18 x 18 x 10.
+/// The taps 1, -1, -1, 1 of the pure ones smooth less than the taps of the gradient, so their result is scaled down.
 const UNIT: f32 = 1800.0;
 pub(super) const PURE: f32 = UNIT / 200.0 * 0.85;
 pub(super) const MIXED: f32 = UNIT / 3240.0;
@@ -41,15 +40,16 @@ impl Jet {
         [gx + (x * xx + y * xy + z * xz), gy + (x * xy + y * yy + z * yz), gz + (x * xz + y * yz + z * zz)]
     }
 
-    /// How far the plane of the smooth gradient may be from the crossings: less where the surface bends much.
-    /// `gradient` is that at the mean of the crossings.
+    /// Largest distance of the smooth gradient's plane from the crossings: less where the surface bends much.
+    /// `gradient` is taken at the mean of the crossings.
     #[inline(always)]
     pub(super) fn near_crossings(&self, gradient: [f32; 3]) -> f32 {
         let (across, square) = self.bend(gradient);
         if across > BENT * BENT * square { NEAR_BENT } else { NEAR_SMOOTH }
     }
 
-    /// Square of the second derivatives across the gradient, and of the gradient: their ratio is that of the curvature.
+    /// Squares of the second derivatives across the gradient, and of the gradient; their ratio is the squared
+    /// curvature.
     #[inline(always)]
     pub(super) fn bend(&self, [gx, gy, gz]: [f32; 3]) -> (f32, f32) {
         let [xx, yy, zz, xy, xz, yz] = self.second;
@@ -63,7 +63,7 @@ impl Jet {
     }
 }
 
-/// How a sum treats an axis.
+/// Filter along an axis.
 #[derive(Clone, Copy)]
 enum Along {
     Smooth,
@@ -84,7 +84,7 @@ impl Along {
     }
 }
 
-/// The same of 4 x 4 x 4 depths, asked for by x, y, z, for cells at the border of the volume.
+/// The jet of 4 x 4 x 4 depths, given by x, y, z, for cells at the border of the volume.
 pub(super) fn jet_of(depth: impl Fn([usize; 3]) -> f32) -> Jet {
     let sum = |along: [Along; 3]| {
         let mut sum = 0.0;

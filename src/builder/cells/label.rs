@@ -1,4 +1,4 @@
-//! The surface of a map of labels: where a Gaussian over the inside is one half.
+//! The surface of a label map: the level one half of the inside smoothed by a Gaussian.
 
 use super::corner::encode;
 use super::field::{EDGE, Field};
@@ -8,20 +8,22 @@ use crate::format::normal;
 const WEIGHTS: [f64; EDGE / 2] = [0.938_215_595_719_107_8, 0.563_279_350_501_653_5, 0.203_032_796_251_137_9];
 const VARIANCE: f64 = 1.4 * 1.4;
 
-/// Of the weights' distribution along a line: that of a half-space comes nearest to its place with it (root mean square of
-/// planes .051 voxel, of balls of 36 voxels .071; with 1.4 .055 and .074; by one Newton step .107 and .124).
+/// Standard deviation of the weights' distribution along a line. With it a half-space comes nearest to its true place
+/// (root mean square of planes .051 voxel, of balls of 36 voxels .071; with 1.4 .055 and .074; by one Newton step .107
+/// and .124).
 const SIGMA: f64 = 1.35;
-/// Farthest share from one half that is looked at; of smooth walls in a cell it is 0.3 at most.
+/// Largest difference of a share from one half that is evaluated; smooth walls in a cell reach 0.3.
 const MAX_SHARE: f64 = 0.45;
 
-/// Where the normal distribution's integral exceeds one half by a share: to 4e-5, for shares up to [`MAX_SHARE`].
+/// Argument at which the normal distribution's integral exceeds one half by `share`: to 4e-5, for shares up to
+/// [`MAX_SHARE`].
 fn quantile(share: f64) -> f64 {
     let u = 2.0 * share.clamp(-MAX_SHARE, MAX_SHARE);
     let t = u * u;
     u * (1.253_345_28 - t * (1.319_334_3 - t * 0.222_752_88)) / (1.0 - t * (1.313_690_14 - t * 0.373_589_8))
 }
 
-/// Normal code of the surface, and the value of `normal . u` on it: of the half-space that holds as much of the weights.
+/// Normal code of the surface, and `normal . u` on it: the half-space that holds the same share of the weights.
 pub(super) fn plane(field: &Field) -> Option<(u16, f64)> {
     let weight = |i: usize| WEIGHTS[if i < EDGE / 2 { EDGE / 2 - 1 - i } else { i - EDGE / 2 }];
     #[expect(clippy::cast_precision_loss, reason = "small")]
@@ -57,7 +59,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_normal_distribution() {
-        // By its integral, in small steps.
+        // Reference: the integral in small steps.
         let (mut at, mut share, step) = (0.0, 0.0, 1e-4);
         while share < MAX_SHARE {
             let middle: f64 = at + 0.5 * step;

@@ -5,19 +5,19 @@
 //!   cells of z            gradient over 4^3 samples, crossings of 12 edges --> plane, or corners
 //! ```
 //!
-//! Most cells are fitted in batches without a branch ([`fit`]): the normal is that of the smooth gradient, the
-//! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
-//! of it. Of cells that such a plane does not describe, as at sharp edges and in noise, two more normals are tried
-//! ([`sharp`]). Cells far longer than wide keep their corners where planes do not follow the surface ([`stretch`]).
-//! One by one ([`mod@pick`]) go thin walls, label maps, and cells that touch the border of the volume.
+//! Most cells are fitted in batches without a branch ([`fit`]): the normal is the smooth gradient, the plane goes
+//! through the mean of the crossings, and is moved outwards where an inside corner would lie in front of it. For cells
+//! that such a plane does not describe, as at sharp edges and in noise, two more normals are tried ([`sharp`]). Cells
+//! far longer than wide keep their corners where planes do not follow the surface ([`stretch`]). Thin walls, label
+//! maps, and cells at the border of the volume are fitted one by one ([`mod@pick`]).
 //!
-//! Solids that know where their surface crosses edges, as meshes and trees do, have their cells described by that
+//! Solids that know the crossings of their surface with edges, such as meshes and trees, describe their cells by them
 //! ([`edges`]).
 //!
 //! Finished cells of a brick may be joined into [`larger`] leaves.
 //!
-//! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
-//! same on every machine.
+//! Every operation is an IEEE operation in a fixed order, and the last decisions are in integers: models are the same
+//! on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 mod corner;
@@ -58,12 +58,12 @@ use items::CellItems;
 use pick::Cell;
 use stretch::Stretch;
 
-/// Least part of a normal along the edge that it belongs to.
+/// Least part of a normal along its own edge.
 const MIN_PART: f64 = 1e-3;
 /// Name recorded in the metadata.
 const ESTIMATOR: &str = "cell planes";
 
-/// A cell's neighbourhood: cell i lies between samples i - 1 and i, and looks two further on either side.
+/// A cell's neighbourhood: cell i lies between samples i - 1 and i, and reads two more on either side.
 pub(super) const AROUND_CELL: Reach = Reach { low: 3, high: 2 };
 const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
 
@@ -73,7 +73,7 @@ pub(super) fn worker_bytes(channels: Channels) -> u64 {
     (size_of::<Batch>() + CellItems::BYTES + counts) as u64
 }
 
-/// Size of the grid of cells of a volume, if there is one.
+/// Size of a volume's grid of cells; `None` if it is too large.
 pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     let grown = SurfaceKind::Cells.grown();
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
@@ -101,12 +101,13 @@ pub(super) struct CellSolid<'a> {
     volume: VolumeSolid<'a>,
     dims: Dims,
     bound: f64,
-    /// Counts of the workers that are done.
+    /// Noise counts of the finished workers.
     noise: Mutex<Option<NoiseCounts>>,
 }
 
 impl<'a> CellSolid<'a> {
-    /// `dims` are those of [`cell_dims`], `bound` that of larger leaves in voxels of the finest spacing, 0 without them.
+    /// Cells of `volume`; `dims` come from [`cell_dims`], `bound` is the bound of larger leaves in voxels of the finest
+    /// spacing, 0 without them.
     pub(super) fn new(volume: VolumeSolid<'a>, dims: Dims, bound: f64) -> Self {
         Self { volume, dims, bound, noise: Mutex::new(None) }
     }
@@ -163,7 +164,7 @@ impl Solid for CellSolid<'_> {
 /// One thread's ring of slices, and the cells described last.
 struct CellWorker<'a, R> {
     slices: Slices<'a, R>,
-    /// Ring samples at the surface.
+    /// Value of ring samples at the surface.
     level: f32,
     /// True if a single value is inside, as in a map of labels.
     is_label: bool,
@@ -171,13 +172,13 @@ struct CellWorker<'a, R> {
     batch: Box<Batch>,
     items: CellItems,
     spacing_mm: [f32; 3],
-    /// If the uncertainty is asked for.
+    /// Noise counts; `None` unless the uncertainty is requested.
     noise: Option<Counting<'a>>,
     /// Least and greatest steepness.
     extent: (f32, f32),
 }
 
-/// Counts of a worker, which are added to all when it is done.
+/// Noise counts of a worker, added to the total when it is done.
 struct Counting<'a> {
     counts: NoiseCounts,
     all: &'a Mutex<Option<NoiseCounts>>,
@@ -194,7 +195,7 @@ impl Drop for Counting<'_> {
 }
 
 impl CellSolid<'_> {
-    /// The noise of the volume, if it was asked for.
+    /// Noise of the volume; `None` unless it was requested.
     fn noise(&self, found: &ScanSummary) -> Option<Noise> {
         let VolumeInfo { scalar, rescale, .. } = self.volume.source.info();
         let step = if matches!(scalar, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 };
@@ -207,14 +208,14 @@ impl CellSolid<'_> {
 }
 
 impl<R: RingSample + Scalar> CellWorker<'_, R> {
-    /// Like [`CellWorker::field_of`], for a cell with these corners inside.
+    /// Like [`CellWorker::field_of`], for a cell with these inside corners.
     fn field(&self, cell: [u32; 3], mask: u8) -> Field {
         let mut field = self.field_of(cell);
         field.set_corners(mask);
         field
     }
 
-    /// Depths inside the range of the samples around a cell; beyond the volume as far outside as inside before.
+    /// Depths of the samples around a cell; beyond the volume a sample is as deep outside as the nearest one is inside.
     fn field_of(&self, cell: [u32; 3]) -> Field {
         let (f, form, dims) = (&self.slices.frame, self.slices.form, self.slices.dims);
         let (unit, low) = (form.unit, i64::from(AROUND_CELL.low));
@@ -243,7 +244,7 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
         field
     }
 
-    /// Looks at samples away from the surface, around the third slice before `z`, which was loaded last.
+    /// Counts noise at samples away from the surface, around the third slice before `z`, which was loaded last.
     fn count_noise(&mut self, z: u32) {
         let Some(Counting { counts, .. }) = &mut self.noise else { return };
         let slices = &self.slices;
@@ -387,8 +388,8 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
         Ok(())
     }
 
-    /// By linear interpolation along edges; the normals are those of the smooth gradient there, held to the side that
-    /// the crossing faces.
+    /// Offers crossings by linear interpolation along edges; their normals are the smooth gradient there, turned to the
+    /// side that the crossing faces.
     fn crossings(
         &mut self,
         skin: &SkinSlice<'_>,

@@ -1,10 +1,10 @@
-//! Planes of cells one by one: several normals are tried, and the one that describes the cell best is taken.
+//! Planes of cells one by one: several normals are tried, and the best one is taken.
 //!
-//! Tried are the smooth gradient; and the plane that fits the crossings of the cell's edges best, near the
-//! gradient of the trilinear interpolation at their mean, and near the direction from the corners inside to those
-//! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by
-//! more than [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which
-//! the surface strays from the plane ([`super::stretch`]).
+//! Candidates are the smooth gradient, and the plane that fits the crossings of the cell's edges best: near the
+//! gradient of the trilinear interpolation at their mean, and near the direction from the inside corners to the outside
+//! ones. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than
+//! [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which the surface
+//! strays from the plane ([`super::stretch`]).
 
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
@@ -14,8 +14,8 @@ use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{cross, dot};
 
-/// How far the plane of a cell between two values may cover an outside corner: the surface may lie anywhere
-/// between the samples.
+/// Depth by which the plane of a cell between two values may cover an outside corner, in voxels: the surface may lie
+/// anywhere between the samples.
 const LABEL_TOLERANCE: f32 = 0.5;
 
 /// Mean of the crossings of a cell's edges, in voxels from its middle.
@@ -35,19 +35,19 @@ pub(super) enum CellShape {
 }
 
 pub(super) struct Cell {
-    /// Corners inside, as bits.
+    /// Mask of the inside corners.
     pub(super) mask: u8,
     pub(super) depth: [f32; CORNERS],
-    /// Direction in which depths rise.
+    /// Direction of rising depths.
     pub(super) gradient: [f32; 3],
-    /// How far the plane of that direction may be from the crossings.
+    /// Largest distance of the smooth gradient's plane from the crossings.
     pub(super) near: f32,
-    /// Is a single value inside, as in a map of labels?
+    /// True if a single value is inside, as in a map of labels.
     pub(super) is_label: bool,
     pub(super) stretch: Stretch,
 }
 
-/// Describes a cell; `field` is asked where there may be only two values around it.
+/// Describes a cell; `field` is called where there may be only two values around it.
 pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     let inside = |c: usize| cell.mask >> c & 1 == 1;
     let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(cell.depth[c], inside(c)));
@@ -76,7 +76,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     }
 }
 
-/// The best of the planes that are tried, if it separates the corners well enough.
+/// The best of the candidate planes, or the corners if no plane separates them well enough.
 fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> CellShape {
     let smooth = outward(cell.gradient.map(f64::from)).map(|code| PlaneFit::new(code, cell.mask, crossings));
     if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(cell.near)) {
@@ -94,12 +94,12 @@ fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Cel
     if best.is_none_or(|best| best.badness > f64::from(cell.near)) {
         best = better(best, near(crossings.across(cell.mask)));
     }
-    // A cell without any direction: its corners say all.
+    // Cells without any direction: their corners alone describe them.
     let best = best.unwrap_or_else(|| PlaneFit::new(ANY, cell.mask, crossings));
     best.picked(cell.mask, depth, TOLERANCE)
 }
 
-/// A plane that was found, turned towards the smooth gradient where that is of the same surface, as batches do it.
+/// A fitted plane, turned towards the smooth gradient where that belongs to the same surface, as batches do it.
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
 fn towards_gradient(cell: &Cell, crossings: &Crossings, best: CellShape) -> Option<CellShape> {
     let CellShape::Plane(code, _) = best else { return None };
@@ -116,16 +116,16 @@ fn towards_gradient(cell: &Cell, crossings: &Crossings, best: CellShape) -> Opti
     tried.is_narrow(TOLERANCE).then(|| tried.plane())
 }
 
-/// How far the mean plane of a cell whose crossings and normals are known may be from the crossings and from corners on
-/// the wrong side without another one being tried, in voxels.
+/// Largest distance of the mean plane from known crossings and from corners on the wrong side up to which no other
+/// plane is tried, in voxels.
 const NEAR_KNOWN: f64 = 0.05;
 
-/// Describes a cell by its crossings: where edges are crossed from their first corner, NaN where they are not, and
-/// the outward unit normals there, zero where they are not known.
+/// Describes a cell by its crossings: distances along edges from their first corner, NaN for edges that are not
+/// crossed, and the outward unit normals there, zero where unknown.
 ///
-/// The plane with the mean of the normals is taken where it is near to the crossings. Where the cell holds an edge, it
-/// is the nearest of that one and those that are fitted to the crossings near the mean normal and near the direction from
-/// the corners inside to those outside.
+/// The plane with the mean of the normals is taken where it is near the crossings. Where the cell holds an edge, the
+/// nearest one is taken of that plane and the planes fitted to the crossings near the mean normal and near the
+/// direction from the inside corners to the outside ones.
 pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]) -> CellShape {
     let mut mean = [0.0_f64; 3];
     for normal in normals {
@@ -152,7 +152,7 @@ pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]
     if best.is_narrow(TOLERANCE) { best.plane() } else { best.picked(mask, &depth(), TOLERANCE) }
 }
 
-/// Depths at corners, of which the trilinear interpolation crosses edges about where they are crossed.
+/// Depths at corners whose trilinear interpolation crosses edges about at the given places.
 fn depths_of(mask: u8, along: &[f32; 12]) -> [f32; CORNERS] {
     let (mut sum, mut count) = ([0.0_f32; CORNERS], [0.0_f32; CORNERS]);
     for ((p, q), t) in EDGES.into_iter().zip(along).filter(|(_, t)| !t.is_nan()) {
@@ -167,21 +167,21 @@ fn depths_of(mask: u8, along: &[f32; 12]) -> [f32; CORNERS] {
     })
 }
 
-/// A cell with its corners, and the direction of its smooth gradient.
+/// A cell that keeps its corners, with the direction of its smooth gradient.
 pub(super) fn with_corners(cell: &Cell) -> CellShape {
     let depth = std::array::from_fn(|c| signed_depth(cell.depth[c], cell.mask >> c & 1 == 1));
     let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
     CellShape::Corners(code, quantised(cell.mask, &depth))
 }
 
-/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
+/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one included.
 pub(super) const SEPARABLE: [bool; 256] = {
-    // Whole weights of -2 to 2 do for every such pattern of three variables.
+    // Integer weights of -2 to 2 suffice for every such pattern of three variables.
     let mut table = [false; 256];
     let mut weights = 0;
     while weights < 125 {
         let w = [weights % 5 - 2, weights / 5 % 5 - 2, weights / 25 - 2];
-        // Twice the greatest value, odd: never the value of a corner.
+        // Odd limits, beyond twice the greatest value: doubled values are even, so no corner lies on a limit.
         let mut limit = -13;
         while limit <= 13 {
             let (mut mask, mut c) = (0, 0);
@@ -205,7 +205,7 @@ pub(super) const SEPARABLE: [bool; 256] = {
 /// The code of +z.
 const ANY: u16 = 0;
 
-/// Is there one depth inside, and one outside?
+/// True if all inside corners have one depth, and all outside corners have one depth.
 pub(super) fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
     let same = |side: bool| {
         let mut of = (0..CORNERS).filter(|c| (mask >> c & 1 == 1) == side).map(|c| depth[c]);
@@ -217,7 +217,7 @@ pub(super) fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
 
 /// Crossings of a cell's edges, in the cell's coordinates (-1..=1).
 struct Crossings {
-    /// Where edges are crossed, from their first corner; NaN where they are not.
+    /// Crossing of each edge, from its first corner; NaN for edges that are not crossed.
     along: [f64; 12],
     points: [[f64; 3]; 12],
     count: usize,
@@ -232,12 +232,12 @@ impl Crossings {
         })
     }
 
-    /// Those that are known.
+    /// Crossings at known places.
     fn at(mask: u8, along: &[f32; 12]) -> Self {
         Self::of(mask, |edge, _, _| f64::from(along[edge]))
     }
 
-    /// `cross` gives where an edge with one end inside is crossed, from its first corner.
+    /// Crossings by a function: `cross` gives the crossing of an edge with one end inside, from its first corner.
     fn of(mask: u8, cross: impl Fn(usize, usize, usize) -> f64) -> Self {
         let mut crossings = Self { along: [f64::NAN; 12], points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
         for (edge, (p, q)) in EDGES.into_iter().enumerate() {
@@ -260,7 +260,7 @@ impl Crossings {
         crossings
     }
 
-    /// A plane through them, to be looked at.
+    /// A plane through the crossings, as input of the stretch test.
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
     fn fit(&self, mask: u8, depth: [f32; CORNERS], code: u16, offset: i8) -> Fit {
         Fit {
@@ -277,7 +277,7 @@ impl Crossings {
         &self.points[..self.count.min(12)]
     }
 
-    /// Against the gradient of the trilinear interpolation at the mean.
+    /// Direction against the gradient of the trilinear interpolation at the mean.
     fn gradient(&self, depth: &[f32; CORNERS]) -> [f64; 3] {
         let mut out = [0.0; 3];
         for (c, depth) in depth.iter().enumerate() {
@@ -296,7 +296,7 @@ impl Crossings {
         out
     }
 
-    /// From the middle of the corners inside to that of those outside.
+    /// Direction from the middle of the inside corners to the middle of the outside ones.
     fn across(&self, mask: u8) -> [f64; 3] {
         let count = f64::from(mask.count_ones());
         std::array::from_fn(|a| {
@@ -308,21 +308,21 @@ impl Crossings {
         })
     }
 
-    /// Normal of the plane that fits the crossings best, near a direction: that of least squares among the
-    /// guess of length 1 plus something at right angles to it, which `held` keeps small.
+    /// Normal of the plane that fits the crossings best near a direction: least squares over the guess of length 1 plus
+    /// an orthogonal term, which `held` keeps small.
     fn fitted_near(&self, guess: [f64; 3], held: f64) -> Option<[f64; 3]> {
         let length = dot(guess, guess).sqrt();
         if !(length > 0.0 && length < f64::INFINITY) {
             return None;
         }
         let g = guess.map(|c| c / length);
-        // Two directions at right angles to it: the axis that it runs along least, and the other one.
+        // Two orthogonal directions: from the axis along which the guess is smallest, and a third one.
         let least = (0..3).fold(0, |best, a| if g[a].abs() < g[best].abs() { a } else { best });
         let mut axis = [0.0; 3];
         axis[least] = 1.0;
         let e1 = unit(cross(g, axis))?;
         let e2 = cross(g, e1);
-        // Coordinates are half voxels.
+        // Coordinates are in half voxels.
         let spread = |a: [f64; 3], b: [f64; 3]| {
             self.points().iter().fold(0.0, |sum, p| {
                 let off = std::array::from_fn(|i| 0.5 * (p[i] - self.mean[i]));
@@ -346,7 +346,7 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 struct PlaneFit {
     code: u16,
     offset: i32,
-    /// How far an outside corner lies behind the plane, times twice the normal's length; its square.
+    /// Depth of an outside corner behind the plane, times twice the normal's length; squared normal length.
     covered: i32,
     square: i32,
     /// Greatest distance of a crossing, or of a corner on the wrong side, in voxels.
@@ -368,7 +368,7 @@ impl PlaneFit {
         tried
     }
 
-    /// The plane through points of this value, moved so that every inside corner lies behind it.
+    /// The plane through points of this value, shifted so that every inside corner lies behind it.
     #[expect(clippy::cast_possible_truncation, reason = "held to -127..=127")]
     fn at(code: u16, mask: u8, value: f64) -> Self {
         let n = normal::decode_l1(code);
@@ -383,7 +383,7 @@ impl PlaneFit {
         Self { code, offset, covered: offset - lowest_out, square, badness: 0.0 }
     }
 
-    /// Does it cover outside corners by no more than this?
+    /// True if it covers outside corners by no more than `tolerance`.
     fn is_narrow(&self, tolerance: f32) -> bool {
         let covered = f64::from(self.covered.max(0));
         let limit = 4.0 * f64::from(tolerance) * f64::from(tolerance) * f64::from(self.square);
@@ -395,7 +395,7 @@ impl PlaneFit {
         CellShape::Plane(self.code, self.offset as i8)
     }
 
-    /// The plane, unless it covers an outside corner too far.
+    /// The plane, or the corners if it covers an outside corner too far.
     fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> CellShape {
         if self.is_narrow(tolerance) {
             return self.plane();
@@ -404,7 +404,7 @@ impl PlaneFit {
     }
 }
 
-/// Depths at the corners in eight bits, the largest 127; never 0, so that sides stay what they are.
+/// Depths at the corners in eight bits, the largest 127; never 0, which keeps their sides.
 #[expect(clippy::cast_possible_truncation, reason = "1..=127")]
 fn quantised(mask: u8, depth: &[f32; CORNERS]) -> [i8; CORNERS] {
     let most = depth.iter().fold(0.0_f64, |m, d| m.max(f64::from(d.abs())));

@@ -1,10 +1,10 @@
 //! Cells that the smooth gradient does not describe, in batches: edges, noise, thin walls.
 //!
 //! Two more normals are tried, each by the plane that fits the crossings best near a direction: the gradient of the
-//! trilinear interpolation at their mean and, where that will not do, the direction from the corners inside to
-//! those outside. The plane nearest to the crossings is taken, be it the smooth one. What still covers an outside
-//! corner is left to [`super::pick`], as are cells that no plane separates. In the end all planes are turned towards the
-//! gradient by one rule ([`super::fit`]).
+//! trilinear interpolation at their mean and, where that does not do, the direction from the inside corners to the
+//! outside ones. The plane nearest to the crossings is taken, including the smooth one. Cells whose best plane still
+//! covers an outside corner are left to [`super::pick`], as are cells that no plane separates. Finally all planes are
+//! turned towards the gradient by one rule ([`super::fit`]).
 
 use super::corner::{EDGES, TOWARDS_GUESS};
 use super::fit::{BATCH, Fitted, fit_plane};
@@ -12,7 +12,7 @@ use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
 
-/// Cells of a batch that wait for a closer look, one value of each in every array.
+/// Cells of a batch that need more candidates, as a structure of arrays.
 pub(super) struct Sharp {
     len: usize,
     slot: [usize; BATCH],
@@ -21,7 +21,7 @@ pub(super) struct Sharp {
     crossing: [[f32; BATCH]; 12],
     mean: [[f32; BATCH]; 3],
     near: [f32; BATCH],
-    /// Direction in which the inside lies, as first guessed; then the normal that was fitted near it.
+    /// Direction towards the inside, as first guessed; then the normal fitted near it.
     normal: [[f32; BATCH]; 3],
     tried: Planes,
     best: Planes,
@@ -34,7 +34,7 @@ struct Planes {
     covers: [u32; BATCH],
 }
 
-/// A cell to look at, as the batch knows it.
+/// Input for one cell, from its batch.
 pub(super) struct SharpCell {
     pub(super) slot: usize,
     pub(super) mask: u32,
@@ -87,7 +87,7 @@ impl Sharp {
         dispatch(SharpKernel(self));
     }
 
-    /// The slot, the code and the plane of each cell.
+    /// Slot, code and plane of each cell.
     pub(super) fn found(&self) -> impl Iterator<Item = (usize, u16, Fitted)> + '_ {
         (0..self.len.min(BATCH)).map(|i| (self.slot[i], self.best.code[i], self.best.at(i)))
     }
@@ -133,7 +133,7 @@ impl Kernel for SharpKernel<'_> {
     }
 }
 
-/// Tries the planes near the directions in `normal`: of all cells, or of those without a good one.
+/// Tries the planes near the directions in `normal`: for all cells, or for those without a good plane.
 #[inline(always)]
 fn try_near(s: &mut Sharp, len: usize, all: bool) {
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
@@ -161,7 +161,7 @@ fn try_near(s: &mut Sharp, len: usize, all: bool) {
     }
 }
 
-/// Against the gradient of the trilinear interpolation at a point, in voxels from the middle of the cell.
+/// Direction against the gradient of the trilinear interpolation at a point, in voxels from the middle of the cell.
 #[inline(always)]
 fn outwards(depth: [f32; CORNERS], [x, y, z]: [f32; 3]) -> [f32; 3] {
     let d = depth;
@@ -176,7 +176,7 @@ fn outwards(depth: [f32; CORNERS], [x, y, z]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// From the middle of the corners inside to that of those outside.
+/// Direction from the middle of the inside corners to the middle of the outside ones.
 #[inline(always)]
 fn across(mask: u32) -> [f32; 3] {
     let (mut inside, mut sum) = (0.0_f32, [0.0_f32; 3]);
@@ -187,23 +187,23 @@ fn across(mask: u32) -> [f32; 3] {
             *sum += choose(is_in, if c >> a & 1 == 1 { 1.0 } else { -1.0 }, 0.0);
         }
     }
-    // Those outside sum to the opposite.
+    // The outside corners sum to the negative.
     let weight = -1.0 / inside - 1.0 / (8.0 - inside);
     [sum[0] * weight, sum[1] * weight, sum[2] * weight]
 }
 
-/// Two directions at right angles to a third one, in a batch.
+/// Two directions orthogonal to a third one, in a batch.
 type Basis = [[[f32; BATCH]; 3]; 2];
 
-/// Sums over crossings: of products of their places along the two directions, and of those with the place along
-/// the guess.
+/// Sums over crossings: products of their coordinates along the two directions, and products of these with the
+/// coordinate along the guess.
 struct Sums {
     square: [[f32; BATCH]; 3],
     across: [[f32; BATCH]; 2],
 }
 
-/// Normals of the planes that fit the crossings best, near the directions in `normal`: that of least squares among
-/// the guess of length 1 plus something at right angles to it, which `held` keeps small.
+/// Normals of the planes that fit the crossings best, near the directions in `normal`: least squares over the guess of
+/// length 1 plus an orthogonal term, which `held` keeps small.
 #[inline(always)]
 pub(super) fn fit_near(
     normal: &mut [[f32; BATCH]; 3],
@@ -234,15 +234,14 @@ pub(super) fn fit_near(
     }
 }
 
-/// One of two numbers, without a branch.
+/// Selects one of two numbers without a branch.
 #[inline(always)]
 fn choose(first: bool, one: f32, other: f32) -> f32 {
     let mask = 0_u32.wrapping_sub(u32::from(first));
     f32::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
 }
 
-/// A guess with length 1, and two directions at right angles to it (Duff and others 2017); z for what is not a
-/// direction.
+/// A guess scaled to length 1, and two orthogonal directions (Duff and others 2017); z for a guess without direction.
 #[inline(always)]
 pub(super) fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
     // Scaled first, so that squares stay finite.

@@ -1,30 +1,32 @@
 //! Volumes whose samples are further apart along one axis than along another, such as slices thicker than pixels.
 //!
-//! A cell that is many times as long as wide is not described by a plane that is near to its crossings in the
-//! cell's own coordinates: a tenth of its length is a voxel of the finest spacing. So distances count in voxels of
-//! the finest spacing here, and a cell in which the interpolated surface strays from the plane keeps its corners.
+//! A plane near the crossings in a cell's own coordinates does not describe a cell many times as long as wide: a tenth
+//! of its length may be a voxel of the finest spacing. So distances here are in voxels of the finest spacing, and a
+//! cell in which the interpolated surface strays from the plane keeps its corners.
 //!
-//! Tried, too, was to judge the normals by the same lengths: then 6 and 18 % of a head's cells keep their corners
-//! in place of 36 and 42 %, but sharp normals take the place of smooth ones: tried on a ball of slices six times as
-//! thick as pixels (96 voxels), normals were off by 3.2 degrees in place of 1.5.
+//! Rejected: to judge the normals by the same lengths. Then 6 and 18 % of a head's cells keep their corners instead of
+//! 36 and 42 %, but sharp normals replace smooth ones: on a ball of slices six times as thick as pixels (96 voxels),
+//! normals were off by 3.2 degrees instead of 1.5.
 
 use super::corner::EDGES;
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 
-/// Longest spacing, in finest ones, from which on cells are looked at.
+/// Ratio of the longest to the finest spacing from which cells are tested.
 ///
-/// Of slices six times as thick planes are truer than a mesh and than the interpolation of eight samples, and
-/// corners would take the model beyond a tenth of a mesh's bytes. At 192 voxels, RMS distance from the true surface
-/// and bytes: ball .257 voxel and 151 kB with planes, .265 and 264 kB with corners where planes stray (a mesh .258
-/// and 2.1 MB); torus .202 and 117 kB, .215 and 207 kB (.210 and 1.7 MB).
+/// At slices six times as thick, planes are truer than a mesh and than the interpolation of eight samples, and corners
+/// would take the model beyond a tenth of a mesh's bytes. At 192 voxels, RMS distance from the true surface and bytes:
+/// ball .257 voxel and 151 kB with planes, .265 and 264 kB with corners where planes stray (a mesh .258 and 2.1 MB);
+/// torus .202 and 117 kB, .215 and 207 kB (.210 and 1.7 MB).
 const STRETCHED: f64 = 8.0;
 
-/// In models without a bound, or with a smaller one (SPEC 4.9): how far from a plane a crossing of an edge may be, and an outside corner behind it; and how far the interpolated
-/// surface may be within the cell. In voxels of the finest spacing.
+/// Limits in models without a bound, or with a smaller one (SPEC 4.9): the distance of a crossing from the plane and
+/// the depth of an outside corner behind it; and the distance of the interpolated surface within the cell. In voxels of
+/// the finest spacing.
 ///
-/// Of a head with slices eleven times as thick as pixels, skin and bone, against the interpolation of its samples:
-/// rays that hit or miss wrongly in percent, 99th percentile of the depth in voxels, cells with corners in percent.
+/// Measured on a head with slices eleven times as thick as pixels, skin and bone, against the interpolation of its
+/// samples: rays that hit or miss wrongly in percent, 99th percentile of the depth in voxels, cells with corners in
+/// percent.
 ///
 /// | at the edges, within | skin | bone |
 /// |---|---|---|
@@ -36,23 +38,24 @@ const STRETCHED: f64 = 8.0;
 /// | corners everywhere | .00, .04, 100 | .01, .05, 100 |
 const AT_EDGES: f32 = 0.15;
 const WITHIN: f32 = 0.08;
-/// The same in parts of a bound.
+/// The same limits in parts of a bound.
 const BOUND_AT_EDGES: f32 = 1.0;
 const BOUND_WITHIN: f32 = 0.8;
 
-/// How lengths along the axes compare.
+/// Ratios of the spacings along the axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
-    /// Squares of the finest spacing by each axis's.
+    /// Squares of the finest spacing divided by each axis's.
     squares: [f32; 3],
-    /// Are cells far from being cubes?
+    /// True for cells far from cubes.
     pub(super) is_long: bool,
     at_edges: f32,
     within: f32,
 }
 
 impl Stretch {
-    /// For spacings in mm; the bound is that of larger leaves in voxels of the finest spacing, 0 without them.
+    /// The stretch for spacings in mm; `bound` is the bound of larger leaves in voxels of the finest spacing, 0 without
+    /// them.
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
     pub(super) fn new(spacing: [f64; 3], bound: f64) -> Self {
         let [finest, longest] = [f64::min, f64::max].map(|of| of(of(spacing[0], spacing[1]), spacing[2]));
@@ -63,7 +66,7 @@ impl Stretch {
         Self { squares: spacing.map(square), is_long, at_edges, within }
     }
 
-    /// Square of the length of a normal of index space, by which values of it become voxels of the finest spacing.
+    /// Square of the length of a normal of index space, which scales its values to voxels of the finest spacing.
     #[inline(always)]
     pub(super) fn square(&self, n: [f32; 3]) -> f32 {
         let [x, y, z] = self.squares;
@@ -75,20 +78,20 @@ impl Stretch {
 pub(super) struct Fit {
     pub(super) code: u16,
     pub(super) offset: f32,
-    /// Corners inside, as bits.
+    /// Mask of the inside corners.
     pub(super) mask: u32,
     pub(super) depth: [f32; CORNERS],
-    /// Where edges are crossed, from their first corner; NaN where they are not.
+    /// Crossing of each edge, from its first corner; NaN for edges that are not crossed.
     pub(super) crossing: [f32; 12],
     /// Mean of the crossings, in voxels from the middle of the cell.
     pub(super) mean: [f32; 3],
 }
 
 impl Fit {
-    /// Is the interpolated surface further from the plane than it may be?
+    /// True if the interpolated surface is further from the plane than allowed.
     ///
-    /// Looked at are the crossings, the outside corners, the mean of the crossings, and the points half-way from
-    /// there to them.
+    /// Tested are the crossings, the outside corners, the mean of the crossings, and the points half-way between it and
+    /// them.
     #[inline(always)]
     #[expect(clippy::cast_precision_loss, reason = "small integers")]
     pub(super) fn strays(&self, stretch: &Stretch) -> bool {
@@ -113,11 +116,11 @@ impl Fit {
             let is_covered = (self.mask >> c & 1 == 0) & (behind > 0.0) & (behind * behind > worst);
             worst = if is_covered { behind * behind } else { worst };
         }
-        // Coordinates are half cells.
+        // Coordinates are in half cells.
         strays | (worst > 4.0 * stretch.at_edges * stretch.at_edges * square)
     }
 
-    /// Is it at a point, in voxels from the middle of the cell?
+    /// True if it is too far at a point, in voxels from the middle of the cell.
     #[inline(always)]
     fn strays_at(&self, at: [f32; 3], n: [f32; 3], square: f32, stretch: &Stretch) -> bool {
         let d = &self.depth;
@@ -132,7 +135,7 @@ impl Fit {
             part(along_x[1] - along_x[0], along_x[3] - along_x[2], z),
             along_xy[1] - along_xy[0],
         ];
-        // How fast depths fall along the plane's normal, times the normal's length in voxels of the finest spacing.
+        // Slope of depths along the plane's normal, times the normal's length in voxels of the finest spacing.
         let [sx, sy, sz] = stretch.squares;
         let falls = -(gradient[0] * n[0] * sx + gradient[1] * n[1] * sy + gradient[2] * n[2] * sz);
         // Depths behind the surface and behind the plane, both times twice that length and the slope.

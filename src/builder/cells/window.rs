@@ -21,7 +21,7 @@ use crate::cpu::{Kernel, Lanes, OCTET, Octet, Term, dispatch};
 use crate::format::cell::CORNERS;
 use bytemuck::Zeroable as _;
 
-/// Cells of a window: those whose samples all lie in it.
+/// Cells of a window whose samples all lie in it.
 const CELLS: u32 = (OCTET - TAPS + 1) as u32;
 
 /// A row of cells of one brick, and the samples around them.
@@ -30,13 +30,13 @@ pub(super) struct RowWindow<'a, R> {
     pub(super) planes: [&'a [R]; TAPS],
     /// Samples from one row to the next.
     pub(super) stride: usize,
-    /// Place in a plane of the sample with the number of the brick's first cell; cells whose samples do not exist
-    /// are not inner, so that it may lie before the plane.
+    /// Index in a plane of the sample at the brick's first cell; it may lie before the plane, since cells with missing
+    /// samples are not inner.
     pub(super) origin: usize,
-    /// Cells of the row, and those of them whose neighbourhood lies in the volume.
+    /// Mask of the row's cells, and mask of those whose neighbourhood lies in the volume.
     pub(super) cells: u32,
     pub(super) inner: u32,
-    /// Sample at the surface.
+    /// Value of samples at the surface.
     pub(super) level: f32,
 }
 
@@ -76,7 +76,7 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
     }
 }
 
-/// The content of a window of eight columns.
+/// Gradients, second derivatives and samples of a window of eight columns.
 struct Looked {
     gradient: [[f32; OCTET]; 3],
     second: [[f32; OCTET]; 6],
@@ -91,7 +91,7 @@ impl Looked {
         let corners: [f32; CORNERS] =
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
         let mut gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][lane]);
-        // Each sample has a part in it: cells near one that is not finite are fitted one by one.
+        // Every sample contributes: cells near one that is not finite are fitted one by one.
         gradient[0] = if gradient[0].is_finite() { gradient[0] } else { f32::NAN };
         let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
         batch.put(slot, &CellSamples { corners, jet: Jet { gradient, second } });
@@ -113,7 +113,7 @@ fn bend<T: Term>(v: [T; TAPS]) -> T {
     (v[0] + v[3]) - (v[1] + v[2])
 }
 
-/// Looks at the window whose first sample is `at`; the last lanes of the gradient are void.
+/// Evaluates the window whose first sample is `at`; the last lanes of the gradient are void.
 #[inline(always)]
 fn look<R: RingSample, L: Lanes>(lanes: L, w: &RowWindow<'_, R>, at: usize) -> Looked {
     let mut smoothed = [zero::<R, L>(lanes); TAPS];
@@ -129,7 +129,7 @@ fn look<R: RingSample, L: Lanes>(lanes: L, w: &RowWindow<'_, R>, at: usize) -> L
             (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
         }
     }
-    // Of y and z: smoothed, derived by y, by z, by both, twice by y, twice by z.
+    // Columns filtered along y and z: smoothed, derived by y, by z, by both, twice by y, twice by z.
     let columns =
         [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
     // Room behind the last lane, for the shifted reads of the void ones.

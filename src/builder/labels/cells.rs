@@ -20,7 +20,7 @@ use crate::volume::{SourceError, VolumeInfo};
 /// Name recorded in the metadata.
 pub(super) const ESTIMATOR: &str = "label planes";
 
-/// A cell's samples: cell i lies between samples i - 1 and i, and looks three further on either side.
+/// A cell's samples: cell i lies between samples i - 1 and i, and reads three more on either side.
 pub(super) const AROUND: Reach = Reach { low: WINDOW as u32 / 2, high: WINDOW as u32 / 2 - 1 };
 const _: () = assert!(AROUND.high == LOOKAHEAD + 1);
 
@@ -78,7 +78,8 @@ impl<'a> CellWorker<'a> {
     }
 }
 
-/// Where the eight samples of a row's cells differ: four rows of samples, each from the one before the first cell on.
+/// Test for differing labels among the eight samples of a row's cells: four rows of samples, each from the one before
+/// the first cell on.
 struct CellKernel<'a> {
     rows: [&'a [u16]; 4],
     out: &'a mut [u64],
@@ -112,7 +113,7 @@ impl Kernel for CellKernel<'_> {
 /// The cells of one brick in one slice.
 struct FitKernel<'a, 's> {
     slices: [&'a [u16]; WINDOW],
-    /// Place of the first cell's upper sample, and from one row to the next.
+    /// Index of the first cell's upper sample, and distance between rows.
     at: usize,
     stride: usize,
     skin: &'a SkinSlice<'s>,
@@ -153,7 +154,7 @@ impl SolidWorker for CellWorker<'_> {
     }
 
     fn occupancy(&mut self, wanted: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
-        // One slice more than the builder looks ahead.
+        // One slice more than the builder's look-ahead.
         let end = (wanted.z() + 2).min(self.ring.solid.source.info().dims.nz());
         while self.next < end {
             self.ring.load(self.next)?;

@@ -1,47 +1,46 @@
 //! The planes of a cell between labels (SPEC 4.12): one for two labels, two for three, else octants.
 //!
-//! A label on both sides of a thin sheet of another counts as two: those of its samples that are connected around the
-//! cell are one of them.
+//! A label on both sides of a thin sheet of another counts as two: samples connected around the cell belong together.
 //!
-//! A plane part its corners strictly: `N . u` of a corner is odd, as the sizes of N sum up to 127, and offsets are even.
-//! So no sample is on a wall, and each has its own label. Where the fitted direction does not part the corners, it is
-//! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
-//! turned.
+//! A plane separates its corners strictly: `N . u` of a corner is odd, as the sizes of N sum up to 127, and offsets are
+//! even. So samples never lie on a wall, and each has its own label. Where the fitted direction does not separate the
+//! corners, it is turned until it does. Of three labels, one is separated from the others first: the one with the
+//! fewest turned planes.
 
 use super::wall::{Fit, MAX_SMOOTH, Wall, Window};
 use crate::cpu::{Kernel, Lanes};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{CornerLabels, WallItem, normal};
 
-/// How often a direction is turned, and by how much.
+/// Most turns of a direction, and size of a turn.
 const TURNS: u32 = 60;
 const TURN: f32 = 0.03;
 
-/// How cells are fitted.
+/// Parameters of the fit of cells.
 pub(super) struct CellFit {
     fit: Fit,
-    /// How far a wall may lie from the middle between the corners that it parts, in voxels.
+    /// Largest distance of a wall from the middle between the corners that it separates, in voxels.
     smooth: f32,
 }
 
 impl CellFit {
-    /// With walls that far from the middle at most.
+    /// A fit with walls at most `smooth` voxels from the middle.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 0.5")]
     pub(super) fn new(smooth: f64) -> Self {
         Self { fit: Fit::new(), smooth: smooth.clamp(0.0, MAX_SMOOTH) as f32 }
     }
 }
 
-/// What is stored of a cell.
+/// Stored form of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fitted {
-    /// A plane: code of the normal, what is stored of its offset, labels behind and in front.
+    /// A plane: code of the normal, stored offset, labels behind and in front.
     Plane(u16, i8, [u16; 2]),
-    /// Code of the normal, and what follows it.
+    /// Code of the normal, and the item that follows it.
     Item(u16, WallItem),
 }
 
-/// A plane that parts corners, and whether its normal was turned for it.
+/// A plane that separates corners, and whether its normal was turned for it.
 struct Parting {
     code: u16,
     offset: i8,
@@ -97,7 +96,7 @@ pub(super) fn fit_cell(
     Fitted::Item(smooth((isa, fit), window, corners, labels[0]), item)
 }
 
-/// Three labels, parted by two planes.
+/// Three labels, separated by two planes.
 struct TwoPlanes<'a> {
     fit: &'a CellFit,
     window: &'a Window<'a>,
@@ -125,8 +124,8 @@ impl Kernel for TwoPlanes<'_> {
     }
 }
 
-/// Two planes of a cell with a thin sheet of one label, which has the other one on both sides; `None` where both sides
-/// are connected around the cell.
+/// Two planes of a cell with a thin sheet of one label and the other label on both sides; `None` where both sides are
+/// connected around the cell.
 #[cold]
 fn sheet(
     (isa, fit): (impl Lanes, &CellFit),
@@ -155,7 +154,7 @@ fn sheet(
     })
 }
 
-/// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.
+/// The plane with the corners of a label behind it and the corners of another in front (with `None`: all others).
 #[inline(always)]
 fn parting(
     (isa, fit): (impl Lanes, &CellFit),
@@ -173,7 +172,7 @@ fn parting(
     turned(wall.unwrap_or_default(), corners, (one, other), fit.smooth)
 }
 
-/// The plane with a wall's direction, nearest to the wall among those that lie close enough to the middle.
+/// The plane along a wall's direction, nearest to the wall among those close enough to the middle.
 #[inline(always)]
 fn parted_by(
     wall: &Wall,
@@ -203,14 +202,14 @@ fn parted_by(
     let middle = (behind + before) / 2;
     #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
     let reach = (2.0 * smooth * length) as i32;
-    // The nearest even number to the middle may be one off it.
+    // The nearest even number to the middle may differ from it by one.
     let [low, high] = [(middle - reach + 1).div_euclid(2) * 2, (middle + reach).div_euclid(2) * 2];
     #[expect(clippy::cast_possible_truncation, reason = "between two corners: within 126")]
     let offset = even.clamp(low.max(behind + 1), high.max(low).min(before - 1)) as i8;
     Some(Parting { code, offset, is_turned: false })
 }
 
-/// The plane with a direction that is turned towards where the label ends and the other begins until it parts them.
+/// The plane of a direction that is turned, by the corners on the wrong side, until it separates both labels.
 #[cold]
 fn turned(
     wall: Wall,
@@ -248,7 +247,7 @@ fn turned(
     None
 }
 
-/// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
+/// A smooth direction in a cell of octants: out of all labels if there is background, else out of the greatest.
 #[cold]
 fn smooth(
     (isa, fit): (impl Lanes, &CellFit),
@@ -269,7 +268,7 @@ mod tests {
     use crate::format::cell::Plane;
     use crate::format::{Walls, wall_offset};
 
-    /// Any 2^8 masks of two labels, and labels of three and more: planes part all corners that planes can part.
+    /// All 2^8 masks of two labels, and three and more labels: planes separate all corners that planes can separate.
     #[test]
     fn every_corner_has_its_label_whatever_the_samples_say() {
         let fit = CellFit::new(MAX_SMOOTH);
@@ -305,7 +304,7 @@ mod tests {
             for (corner, label) in corners.iter().enumerate() {
                 assert_eq!(walls.corner(corner), *label, "{corners:?} {fitted:?}");
             }
-            // Which masks a plane parts is known: 104 of 256, and two of them part nothing.
+            // The number of masks that a plane separates is known: 104 of 256, two of them with a single label.
             if round == 255 {
                 assert_eq!(kinds[..2], [102, 0]);
             }
@@ -313,7 +312,8 @@ mod tests {
         assert!(kinds.iter().all(|count| *count > 200), "{kinds:?}");
     }
 
-    /// A wall lies within its bound of the middle between the corners that it parts, and at 0 in the middle.
+    /// A wall lies within its bound of the middle between the corners that it separates, and with a bound of 0 in the
+    /// middle.
     #[test]
     fn walls_stay_within_their_bound() {
         let (mut state, mut moved) = (7_u32, 0.0_f64);

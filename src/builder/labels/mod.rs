@@ -4,7 +4,7 @@
 //!   slices --read--> numbers of labels (ring) --> cells between labels, fitted one by one (cells, fit)
 //! ```
 //!
-//! Memory is that of [`worker_bytes`].
+//! [`worker_bytes`] states the memory.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 mod cells;
@@ -43,12 +43,12 @@ pub use wall::MAX_SMOOTH;
 pub enum LabelChoice {
     /// Every number but 0.
     All,
-    /// Those in these ranges, both ends included.
+    /// Numbers in these ranges, both ends included.
     Only(Vec<[u16; 2]>),
 }
 
 impl LabelChoice {
-    /// Is this number among them?
+    /// True if this number is chosen.
     pub fn contains(&self, number: u16) -> bool {
         match self {
             Self::All => number > 0,
@@ -57,7 +57,7 @@ impl LabelChoice {
     }
 }
 
-/// As `all`, or as `1,5,7..20`.
+/// Parses `all`, or a list such as `1,5,7..20`.
 impl FromStr for LabelChoice {
     type Err = String;
 
@@ -76,7 +76,7 @@ impl FromStr for LabelChoice {
     }
 }
 
-/// The items of a channel, of those that labels have.
+/// The form of a channel's items; `None` for channels that labels lack.
 pub(super) fn label_form(channel: Channel) -> Option<ItemForm> {
     let bytes = match channel {
         Channel::Normal => 2,
@@ -88,7 +88,7 @@ pub(super) fn label_form(channel: Channel) -> Option<ItemForm> {
     Some(ItemForm::AsIs { bytes })
 }
 
-/// What a table states of labels; what the input states where there is no table.
+/// Names and colours of a table, or of the input if the table is empty.
 fn names<'a>(table: &'a [LabelName], stated: &[StatedLabel]) -> Cow<'a, [LabelName]> {
     if !table.is_empty() {
         return Cow::Borrowed(table);
@@ -101,10 +101,10 @@ fn names<'a>(table: &'a [LabelName], stated: &[StatedLabel]) -> Cow<'a, [LabelNa
     stated.iter().map(of).collect()
 }
 
-/// The solid of the labels that are chosen.
+/// The solid of the chosen labels.
 ///
 /// # Errors
-/// The options ask for what labels do not have.
+/// The options ask for something that labels lack.
 pub(super) fn label_solid<'a>(
     source: &'a dyn VolumeSource,
     choice: &'a LabelChoice,
@@ -136,7 +136,7 @@ pub(super) fn label_solid<'a>(
     Ok(Box::new(solid))
 }
 
-/// Voxels of a label.
+/// A label and its number of voxels.
 type Count = (u16, u64);
 
 struct LabelSolid<'a> {
@@ -147,9 +147,9 @@ struct LabelSolid<'a> {
     names: Cow<'a, [LabelName]>,
     /// [`BuildOptions::smooth`]
     smooth: f64,
-    /// For samples of the file's type: so solid and worker exist once.
+    /// Row conversion for the file's sample type: so solid and worker are compiled once.
     convert: ConvertRow,
-    /// Counts of all workers that are done, by number.
+    /// Counts of all finished workers, by number.
     counts: Mutex<Vec<Count>>,
 }
 
@@ -262,7 +262,7 @@ impl Solid for LabelSolid<'_> {
         self.source.check_unchanged()
     }
 
-    /// A table that names other labels, or the first label that was asked for, or has a name, and has no voxel.
+    /// Notes a table that names other labels only, or the first label without voxels that was requested or has a name.
     fn note(&self) -> Option<BuildNote> {
         let (found, names) = (self.counted(), &self.names);
         let is_found = |named: &LabelName| found.binary_search_by_key(&named.number, |count| count.0).is_ok();

@@ -1,6 +1,6 @@
-//! Slices of a label map on their way through a column, as numbers of labels: 0 for none, and beyond the volume.
+//! Slices of a label map on their way through a column, as label numbers: 0 for background, and beyond the volume.
 //!
-//! Columns and rows around the tile are read, too, so that no border is a special case.
+//! Columns and rows around the tile are read as well, so that borders need no special case.
 
 use std::time::{Duration, Instant};
 
@@ -16,16 +16,16 @@ use crate::fault::bad;
 use crate::format::MAX_LABELS;
 use crate::volume::{Rescale, Scalar, ScalarType, SourceError, VolumeInfo};
 
-/// A cache line of the ring: rows are an odd number of lines apart, and may be read beyond their end.
+/// Samples of a cache line: rows are an odd number of lines apart, and may be read beyond their end.
 const LINE: usize = 32;
 /// Samples of a row that are compared at once.
 pub(super) const CHUNK: usize = 32;
 
-/// The slices that are held, one thread's.
+/// The slices that one thread holds.
 pub(super) struct Ring<'a> {
     pub(super) solid: &'a LabelSolid<'a>,
     pub(super) column: VoxelBox,
-    /// Samples from one row to the next, and of a slice.
+    /// Samples from one row to the next, and samples of a slice.
     pub(super) stride: usize,
     size: usize,
     samples: Vec<u16>,
@@ -42,14 +42,14 @@ fn stride(tile: &Tile) -> usize {
     (2 * tile.columns.div_ceil(64) as usize + 1) * LINE
 }
 
-/// Rows of a slice: a tile's and those around it.
+/// Rows of a slice: the tile's and those around it.
 fn rows() -> usize {
     (BRICK + AROUND.low + AROUND.high) as usize
 }
 
 /// Bytes of a ring.
 pub(super) fn bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
-    // One more slice for what lies beyond the volume.
+    // One more slice of zeros, for places beyond the volume.
     let ring = (AROUND.ring() + 1) * rows() * stride(tile) * size_of::<u16>();
     let columns = ((tile.columns + AROUND.low + AROUND.high) as usize).min(info.dims.nx() as usize);
     let staged = columns * rows().min(info.dims.ny() as usize) * info.scalar.bytes();
@@ -73,13 +73,13 @@ impl<'a> Ring<'a> {
         }
     }
 
-    /// Where the sample of a row and a column stands in its slice.
+    /// Index in its slice of the sample at a row and a column.
     pub(super) fn at(&self, x: u32, y: u32) -> usize {
         let of = |at: u32, start: u32| (at + AROUND.low - start) as usize;
         of(y, self.column.y.start) * self.stride + of(x, self.column.x.start)
     }
 
-    /// Slices from one on, which are held or lie beyond the volume.
+    /// `N` slices from `first` on, which are held or lie beyond the volume.
     pub(super) fn slices<const N: usize>(&self, first: i64) -> [&[u16]; N] {
         let nz = self.solid.source.info().dims.nz();
         std::array::from_fn(|dz| match u32::try_from(first + dz as i64).ok().filter(|z| *z < nz) {
@@ -88,8 +88,8 @@ impl<'a> Ring<'a> {
         })
     }
 
-    /// Reads a slice of the column, with what lies around its tile, into its place, and counts the labels of the tile's
-    /// own voxels.
+    /// Reads a slice of the column, with the surroundings of its tile, into its place, and counts the labels of the
+    /// tile's own voxels.
     pub(super) fn load(&mut self, z: u32) -> Result<(), SourceError> {
         let dims = self.solid.source.info().dims.to_array();
         let Reach { low, high } = AROUND;
@@ -140,7 +140,7 @@ impl<'a> Ring<'a> {
         Ok(())
     }
 
-    /// Which samples of a slice have a label, in the rows asked for; `slice` is one of [`Ring::slices`].
+    /// Marks the samples of a slice that have a label, in the wanted rows.
     pub(super) fn occupancy(&self, wanted: &mut OccupancyRows<'_>) {
         let [slice] = self.slices(wanted.z().into());
         let width = self.column.x.len();
@@ -153,7 +153,7 @@ impl<'a> Ring<'a> {
         }
     }
 
-    /// Hands the counts on to the solid.
+    /// Passes the counts on to the solid.
     pub(super) fn found(&self) -> ScanSummary {
         let mut all = self.solid.counted();
         for (number, voxels) in &self.counts {
@@ -166,7 +166,7 @@ impl<'a> Ring<'a> {
     }
 }
 
-/// Bit k of a word where sample k differs.
+/// Mask with bit k set where sample k differs.
 #[inline(always)]
 pub(super) fn bits_of(isa: impl Lanes, differ: &[u16; CHUNK]) -> u32 {
     let mut mask = [0_u8; CHUNK];
@@ -179,10 +179,10 @@ pub(super) fn bits_of(isa: impl Lanes, differ: &[u16; CHUNK]) -> u32 {
     }
 }
 
-/// Converts a row of the file's samples, as aligned bytes, to numbers of labels.
+/// Converts a row of the file's samples, as aligned bytes, to label numbers.
 pub(super) type ConvertRow = fn(&LabelSolid<'_>, &[u8], &mut [u16]) -> Result<(), SourceError>;
 
-/// [`ConvertRow`] of a type; a sample like the one before costs a comparison.
+/// [`ConvertRow`] of a type; a sample equal to the previous one costs one comparison.
 pub(super) fn convert<T: Scalar>(
     solid: &LabelSolid<'_>,
     from: &[u8],

@@ -1,32 +1,33 @@
-//! Where the wall between labels passes through a cell: a plane by sums over the 8^3 samples around it, weighted by a
-//! Gaussian.
+//! The wall between labels in a cell: a plane by sums over the 8^3 samples around it, weighted by a Gaussian.
 //!
-//! The first moments of a label's samples give the wall's direction. Its place is that of a half-space with the same
-//! sum of the weights `w (4.5 - r^2/s^2)`, which over a half-space up to `s x` is `1.5 (1 + erf(x/sqrt 2)) / 2 + x phi(x)`.
-//! With 4, balls would not shrink at all in the first order (with 5 they do by `s^2 / 3R`), and steps of the samples would
-//! show more. Root mean square from balls of 36 and 8 voxels, and normals of the former: with 4, .087, .086; with 4.25
-//! .082, .090; with 4.5 .079, .099; with 5 .076, .118; 1.7 degrees with all. With s = 1.4 and 5 .079, .106, 1.9 degrees. Sums run over rows: the samples of a row that have a label are 8 bits, and their part of each
-//! sum comes from a table of 256. What is computed is the same on every machine: the weights are written out.
+//! The first moments of a label's samples give the wall's direction. Its place is the place of a half-space with the
+//! same sum of the weights `w (4.5 - r^2/s^2)`, which over a half-space up to `s x` is `1.5 (1 + erf(x/sqrt 2)) / 2 + x
+//! phi(x)`. With 4, balls would not shrink at all in the first order (with 5 they do by `s^2 / 3R`), and steps of the
+//! samples would show more. Root mean square from balls of 36 and 8 voxels, and normals of the former: with 4, .087,
+//! .086; with 4.25 .082, .090; with 4.5 .079, .099; with 5 .076, .118; 1.7 degrees with all. With s = 1.4 and 5 .079,
+//! .106, 1.9 degrees. Sums run over rows: the samples of a row that have a label are 8 bits, and their part of each sum
+//! comes from a table of 256. Results are the same on every machine: the weights are literals.
 
 use std::f32::consts::TAU;
 
 use crate::cpu::{Kernel, Lanes, Octet, Portable, movemask};
 use crate::format::CornerLabels;
 
-/// How far a wall may lie from the middle between two samples that it parts, in voxels: no sample changes its label.
+/// Largest distance of a wall from the middle between two samples that it separates, in voxels: samples keep their
+/// labels.
 pub const MAX_SMOOTH: f64 = 0.5;
 
-/// Samples along a side of what is looked at.
+/// Samples along a side of the window.
 pub(super) const WINDOW: usize = 8;
 /// Standard deviation of the Gaussian, in voxels.
 const SIGMA: f32 = 1.5;
-/// Its values half a voxel from the middle and so on.
+/// Values of the Gaussian at half a voxel from the middle, 3/2 and so on.
 const GAUSSIAN: [f32; WINDOW / 2] = [0.945_959_45, 0.606_530_67, 0.249_352_2, 0.065_728_53];
-/// Samples from the cell's middle: -3.5 to 3.5.
+/// First sample of a row, from the cell's middle: they run from -3.5 to 3.5.
 const FIRST: f32 = -3.5;
-/// How far from a rough wall samples count by their labels, in voxels.
+/// Distance from a rough wall within which samples count by their labels, in voxels.
 const BAND: f32 = 1.0;
-/// The part of a half-space's moment below which a label may be a thin sheet, of up to three voxels.
+/// Part of a half-space's moment below which a label may be a thin sheet, of up to three voxels.
 const THIN: f32 = 0.85;
 /// Steps of Newton's method; the last changes less than 10^-6 voxel.
 const STEPS: usize = 3;
@@ -42,8 +43,8 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// Where the last corner of a cell that has the first label lies along the wall's normal, and the first one of the
-    /// other, all others for `None`.
+    /// Range of a cell's corners along the wall's normal: the last corner of the first label, and the first corner of
+    /// the other (with `None`: of all others).
     #[inline(always)]
     fn gap(&self, corners: &CornerLabels, one: u16, other: Option<u16>) -> [f32; 2] {
         let (mut behind, mut before) = (f32::NEG_INFINITY, f32::INFINITY);
@@ -65,7 +66,7 @@ impl Wall {
     }
 }
 
-/// Samples around a cell: eight slices whose rows are `stride` apart, of which the window begins at `first`.
+/// Samples around a cell: eight slices with rows `stride` apart; the window begins at `first`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window<'a> {
     pub(super) slices: [&'a [u16]; WINDOW],
@@ -74,7 +75,7 @@ pub(super) struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// The samples that have a label, and those that have another, all others for `None`, row by row.
+    /// Members of a label, and members of another (with `None`: of all others), row by row.
     #[inline(always)]
     fn members(&self, isa: impl Lanes, one: u16, other: Option<u16>) -> [Members; 2] {
         let mut both = [[0; WINDOW * WINDOW]; 2];
@@ -109,7 +110,7 @@ pub(super) struct Samples([[u16; WINDOW * WINDOW]; WINDOW]);
 
 impl Window<'_> {
     /// A copy in which a label's samples keep it where they are connected to its first corner, by faces and within the
-    /// window; all others have `far`. `None` where there are none.
+    /// window; all others have `far`. `None` if all are connected.
     #[cold]
     pub(super) fn apart(&self, corners: &CornerLabels, label: u16, far: u16) -> Option<Samples> {
         let mut slices = [[0; WINDOW * WINDOW]; WINDOW];
@@ -140,7 +141,7 @@ impl Window<'_> {
         (near != own).then_some(Samples(slices))
     }
 
-    /// A number that no sample has.
+    /// A number that occurs in no sample.
     pub(super) fn unused(&self) -> u16 {
         let end = self.first + (WINDOW - 1) * (self.stride + 1) + 1;
         let samples = self.slices.map(|slice| slice.get(self.first..end).unwrap_or_default());
@@ -162,7 +163,7 @@ impl Samples {
     }
 }
 
-/// Where a corner's sample lies in a window: slice, and place within it.
+/// Position of a corner's sample in a window: slice, and index in it.
 fn corner_at(corner: usize) -> [usize; 2] {
     let [x, y, z] = [0, 1, 2].map(|a| WINDOW / 2 - 1 + (corner >> a & 1));
     [z, y * WINDOW + x]
@@ -178,7 +179,7 @@ fn spread(slice: u64) -> u64 {
 /// Samples that are compared at once.
 const FOUR_ROWS: usize = 4 * WINDOW;
 
-/// The samples of which something holds, as bits row by row.
+/// Mask of the samples for which `holds` is true, row by row.
 #[inline(always)]
 fn bits<T: Copy>(isa: impl Lanes, samples: &[T; FOUR_ROWS], holds: impl Fn(T) -> bool) -> [u8; 4] {
     let mut found = [0_u8; FOUR_ROWS];
@@ -195,12 +196,12 @@ fn bits<T: Copy>(isa: impl Lanes, samples: &[T; FOUR_ROWS], holds: impl Fn(T) ->
     })
 }
 
-/// The sums that a row adds, for every set of its samples, and what they are multiplied by for each row: in lanes, of
-/// which the first three add up to the moment, and the fourth and the last to the place.
+/// Sums that a row adds, for every set of its samples, and the factors of each row: in lanes, the first three of which
+/// add up to the moment, and the fourth and the last to the place.
 pub(super) struct Fit {
     /// Sums of the weight times x, three times of the weight, and of the weight times x^2.
     of_row: Box<[Row; 256]>,
-    /// The row's weight, that times y and z, and for the place of a wall what does not change with x, and what does.
+    /// Weight of the row, its product with y and z, and two factors for the place of a wall: without x and with x.
     rows: Box<[Row; WINDOW * WINDOW]>,
     /// The sum of all samples for the place of a wall.
     whole: f32,
@@ -251,7 +252,7 @@ impl Fit {
 
     #[inline(always)]
     fn sums(&self, isa: impl Lanes, members: &Members) -> Sums {
-        // Every fourth row by itself, so that no addition waits for the one before.
+        // Every fourth row by itself, so that additions do not wait for each other.
         let mut sums = [isa.s_load(&[0.0; 8]); 4];
         for (rows, members) in self.rows.as_chunks::<4>().0.iter().zip(members.as_chunks::<4>().0) {
             for i in 0..4 {
@@ -262,8 +263,8 @@ impl Fit {
         Sums { moment: [sum[0], sum[1], sum[2]], place: sum[3] + sum[7] }
     }
 
-    /// The wall between a label and another, or all others, where it parts the corners of the cell that have them if a plane
-    /// in its direction can; `None` where the samples do not say a direction.
+    /// The wall between a label and another, or all others. It separates the cell's corners that have them if a plane
+    /// in its direction can; `None` where the samples give no direction.
     #[inline(always)]
     pub(super) fn between(
         &self,
@@ -297,9 +298,9 @@ impl Fit {
         })
     }
 
-    /// The wall between two labels by the samples that have each, and whether one of them seems to be a thin sheet.
-    /// Samples of neither count for the label on whose side of the rough wall they lie. `None` where the samples do not
-    /// say a direction.
+    /// The wall between two labels by the samples of each, and whether one of them seems to be a thin sheet. Samples of
+    /// other labels count for the label on whose side of the rough wall they lie. `None` where the samples give no
+    /// direction.
     #[inline(always)]
     fn wall(&self, isa: impl Lanes, one: &mut Members, other: &mut Members) -> Option<(Wall, bool)> {
         let mut all = u8::MAX;
@@ -313,7 +314,7 @@ impl Fit {
             share_out(isa, one, other, toward);
             first = self.sums(isa, one);
         }
-        // All samples have either label, and the moment of all is 0.
+        // All samples have one of the labels, and the moment of all is 0.
         let toward = direction(first.moment)?;
         let share = 2.0 * first.place / self.whole - 1.0;
         let along = place(share);
@@ -331,8 +332,8 @@ fn direction(toward: [f32; 3]) -> Option<[f32; 3]> {
     (length > 1e-3).then(|| [x / length, y / length, z / length])
 }
 
-/// The wall again, by the samples that are left; with a rough one by those within [`BAND`] of it: samples farther away
-/// count for the label on whose side they lie, so that other walls nearby do not draw it to them.
+/// A second fit of the wall, by the remaining samples; with a rough one, by those within [`BAND`] of it: samples
+/// farther away count for the label on whose side they lie, so that other walls nearby do not draw it to them.
 struct Again<'a> {
     fit: &'a Fit,
     rough: Option<&'a Wall>,
@@ -360,8 +361,8 @@ impl Kernel for Again<'_> {
     }
 }
 
-/// The samples without those of two labels that are not connected to their corners: what lies beyond a thin sheet says
-/// nothing of this side.
+/// The samples without those of two labels that are not connected to their corners: samples beyond a thin sheet do not
+/// bear on this side.
 #[cold]
 fn near(window: &Window<'_>, corners: &CornerLabels, labels: [u16; 2]) -> Option<Samples> {
     let far = window.unused();
@@ -370,7 +371,7 @@ fn near(window: &Window<'_>, corners: &CornerLabels, labels: [u16; 2]) -> Option
     second.or(first)
 }
 
-/// Gives samples that have neither label the one on whose side they lie.
+/// Gives samples of other labels the label on whose side they lie.
 #[inline(always)]
 fn share_out(isa: impl Lanes, one: &mut Members, other: &mut Members, toward: [f32; 3]) {
     let parts = one.as_chunks_mut::<4>().0.iter_mut().zip(other.as_chunks_mut::<4>().0);
@@ -384,7 +385,7 @@ fn share_out(isa: impl Lanes, one: &mut Members, other: &mut Members, toward: [f
     }
 }
 
-/// How far the samples of four rows lie along a direction, less a distance.
+/// Distances of the samples of four rows along a direction, less `less`.
 #[inline(always)]
 fn along_rows([x, y, z]: [f32; 3], first: usize, less: f32) -> [f32; FOUR_ROWS] {
     let mut at = [0.0; FOUR_ROWS];
@@ -447,7 +448,7 @@ mod tests {
     fn planes_are_found_where_they_are() {
         let fit = Fit::new();
         let (mut squares, mut turned) = (0.0, 0.0);
-        // Directions of a spiral on the sphere, none of them along the grid.
+        // Directions on a spiral around the sphere, none of them along the grid.
         for i in 0..400_u16 {
             let (height, turn) = ((f32::from(i) + 0.5) / 200.0 - 1.0, 2.399_963 * f32::from(i));
             let across = (1.0 - height * height).sqrt();

@@ -1,4 +1,5 @@
-//! The boxes of parts: whole slabs of groups along z, and where there are more parts than groups along z, cut along y.
+//! The boxes of parts: whole slabs of groups along z; if there are more parts than groups along z, slabs are cut along
+//! y.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -7,11 +8,11 @@ use crate::builder::VoxelBox;
 use crate::builder::walk::GROUP_VOXELS;
 use crate::geom::Dims;
 
-/// How the grid of a model is cut; it follows from its size and the number of parts.
+/// Cuts of a model's grid; they follow from its size and the number of parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Cuts {
     pub(crate) dims: Dims,
-    /// Parts, at least one; some are empty if there are more than boxes.
+    /// Number of parts, at least one; some are empty if there are more than boxes.
     pub(crate) parts: u32,
 }
 
@@ -77,7 +78,7 @@ impl PartId {
         self.cuts.region(self.number)
     }
 
-    /// Its file in the folder of a job: the name says what it is made of.
+    /// Path of the part in the folder of a job: the name identifies its content.
     pub(crate) fn path(&self, folder: &Path) -> PathBuf {
         self.named(folder, &format!("{:04}", self.number))
     }

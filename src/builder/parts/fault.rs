@@ -1,4 +1,4 @@
-//! Why a plan or a part is refused, with its sentence.
+//! Reasons to refuse a plan or a part, with their sentences.
 
 use std::io;
 
@@ -9,7 +9,7 @@ use crate::exit::ExitKind;
 use crate::platform::is_not_regular;
 use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, RANGE, STAGE, UNCERTAINTY, VISIBLE_FROM};
 
-/// Why a plan or a part is refused.
+/// Reason to refuse a plan or a part.
 #[derive(Debug, Error)]
 pub(crate) enum PartFault {
     #[error("{0}")]
@@ -50,7 +50,7 @@ pub(crate) enum PartFault {
     Unreadable(#[source] io::Error),
 }
 
-/// What cannot be built in parts, and why.
+/// Feature that cannot be built in parts, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum NotInParts {
     #[error("{VISIBLE_FROM} cannot be used in parts, as rays cross all of them; leave it out")]
@@ -71,7 +71,7 @@ pub(crate) enum NotInParts {
     Labels,
 }
 
-/// Some numbers, and how many follow.
+/// A list of numbers, and the count of those left out.
 fn list(first: &[u32], all: u32) -> String {
     let numbers = first.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     if first.len() < all as usize { format!("{numbers}, ...") } else { numbers }

@@ -11,12 +11,12 @@ const MAGIC: [u8; 8] = *b"\x89OPART\r\n";
 pub(super) const START_BYTES: usize = 12;
 /// Digest, number, count, dims, surface, means, channels.
 const FIXED_BYTES: usize = START_BYTES + 32 + 4 + 4 + 12 + 3;
-/// No head is longer.
+/// Length limit of a head.
 const MAX_BYTES: usize = FIXED_BYTES + 2 * u8::MAX as usize + 4 + METADATA_LIMIT + 4;
 pub(super) const TAIL_BYTES: usize = 24;
 const END: [u8; 4] = *b"PEND";
 
-/// What a part says of itself.
+/// Description of a part at its start.
 #[derive(Clone, Debug)]
 pub(super) struct Head {
     pub(super) digest: [u8; 32],
@@ -28,7 +28,7 @@ pub(super) struct Head {
     pub(super) metadata: Vec<u8>,
 }
 
-/// Bytes of a head by its first [`START_BYTES`].
+/// Length of a head, read from its first [`START_BYTES`].
 pub(super) fn head_bytes(start: &[u8; START_BYTES]) -> Option<usize> {
     let (magic, length) = start.split_first_chunk::<8>()?;
     let length = u32::from_le_bytes(length.try_into().ok()?) as usize;
@@ -67,7 +67,7 @@ pub(super) fn write(
     head
 }
 
-/// Bytes taken from the front.
+/// Bytes read from the front.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {

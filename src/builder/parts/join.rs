@@ -1,7 +1,8 @@
-//! The model of all parts: their groups in Morton order, each stretch of a record behind the one before it in its level.
+//! Joins all parts to a model: their groups in Morton order, each stretch of a record behind the previous one of its
+//! level.
 //!
-//! Memory: runs of 32 KiB, one for each level of each section, a record's step of 256 KiB, and some 200 bytes a part; it
-//! does not depend on what the parts hold.
+//! Memory: runs of 32 KiB, one for each level of each section, a record's step of 256 KiB, and some 200 bytes a part;
+//! it does not depend on the content of the parts.
 
 use std::path::Path;
 use std::time::Instant;
@@ -22,12 +23,12 @@ use crate::format::{SectionEntry, SectionKind, Sum, SurfaceKind};
 use crate::platform::PositionalFile;
 use crate::progress::Progress;
 
-/// Parts that are open at a time: fewer than any system's usual limit.
+/// Most parts open at a time: below the usual limit of every system.
 const OPEN: usize = 512;
-/// Missing parts that are named.
+/// Most missing parts that are named.
 pub(super) const NAMED: usize = 8;
 
-/// What was joined.
+/// Result of a join.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joined {
     pub(crate) surface: SurfaceKind,
@@ -100,7 +101,7 @@ pub(crate) fn join(
     })
 }
 
-/// A file that became shorter while it was read is damaged.
+/// Maps the error of a file that became shorter while it was read to damage.
 fn damaged_by(fault: PartFault, number: u32) -> PartFault {
     match fault {
         PartFault::Unreadable(cause) if cause.kind() == std::io::ErrorKind::UnexpectedEof => {
@@ -114,11 +115,11 @@ fn damaged_by(fault: PartFault, number: u32) -> PartFault {
 struct Parts<'a> {
     id: PartId,
     folder: &'a Path,
-    /// Of the first part; what they have in common.
+    /// Head of the first part, with which the others must agree.
     head: Head,
     form: RecordForm,
     cursors: Vec<Cursor>,
-    /// Part n at place n modulo [`OPEN`].
+    /// Part n at index n modulo [`OPEN`].
     open: Vec<Option<(u32, PositionalFile)>>,
 }
 
@@ -191,7 +192,7 @@ impl<'a> Parts<'a> {
             each(id, file, form, &entry)?;
             cursor.advance(file, form).map_err(failed)?;
         }
-        // A group that is left lies in the box of another part.
+        // A group that remains lies in the box of another part.
         match (0..).zip(cursors.iter()).find(|(_, cursor)| cursor.next.is_some()) {
             None => Ok(()),
             Some((number, _)) => {
@@ -202,7 +203,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// The open file of a part.
+/// Returns the open file of a part.
 fn file<'a>(
     open: &'a mut [Option<(u32, PositionalFile)>],
     id: &PartId,
@@ -222,13 +223,13 @@ fn file<'a>(
     }
 }
 
-/// Are two parts of one model?
+/// True if two parts belong to one model.
 fn same_model(one: &Head, other: &Head) -> bool {
     let of = |head: &Head| (head.surface, head.channels.lod, head.channels.forms.clone());
     of(one) == of(other) && one.metadata == other.metadata
 }
 
-/// Why a record cannot be joined.
+/// Reason why a record cannot be joined.
 enum Stop {
     Part(PartFault),
     Damaged,
@@ -247,11 +248,11 @@ impl From<BuildError> for Stop {
     }
 }
 
-/// The levels of the model, each written on where it ends.
+/// The levels of the model, each extended at its end.
 struct Joiner<'a> {
     target: &'a Target<'a>,
     queue: MergeQueue<'a>,
-    /// By stretch; nothing is written of summaries.
+    /// Runs by stretch; summaries are not written.
     runs: Vec<Run>,
     summary_bytes: usize,
     summaries: Vec<u8>,
@@ -285,7 +286,7 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    /// Puts the stretches of a record in their places.
+    /// Copies the stretches of a record to their places.
     fn record(&mut self, file: &PositionalFile, form: &RecordForm, entry: &Entry) -> Result<(), Stop> {
         let Self { target, runs, summaries, buffer, .. } = self;
         summaries.clear();
@@ -317,7 +318,7 @@ impl<'a> Joiner<'a> {
         Ok(())
     }
 
-    /// Hands the bricks of a group to the levels above; `false` if they are not those of the group.
+    /// Passes the bricks of a group to the levels above; `false` if they do not belong to the group.
     fn push_bricks(&mut self, entry: &Entry) -> Result<bool, BuildError> {
         let Self { queue, summaries, summary_bytes, sums, .. } = self;
         let (mut previous, mut boxes) = (None, 0);

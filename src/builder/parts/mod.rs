@@ -5,8 +5,8 @@
 //!                                             \-> ... --join, in Morton order--> .oct
 //! ```
 //!
-//! The bytes are equal because nothing of a group of 4^3 bricks depends on another one: skin and normals read the volume
-//! a few voxels beyond the box, and what lies above the groups are unions of bits and exact sums of integers. A part,
+//! The bytes are equal because groups of 4^3 bricks do not depend on each other: skin and normals read the volume a few
+//! voxels beyond the box, and the levels above the groups are unions of bits and exact sums of integers. A part,
 //! little-endian:
 //!
 //! | what | bytes |

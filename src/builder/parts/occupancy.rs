@@ -1,8 +1,8 @@
-//! The occupancy of a volume in files that parts share: of the slices of one part before cleaning, and of all of them
-//! after it.
+//! The occupancy of a volume in files that parts share: the slices of one part before cleaning, and all slices after
+//! it.
 //!
-//! A file, little-endian: the rows of bits as [`BitVolume`] has them, slice after slice; the CRC of each slice; the head of
-//! a stage; the CRC of these two. Who needs some slices checks those alone.
+//! A file, little-endian: the rows of bits as in [`BitVolume`], slice after slice; the CRC of each slice; the head of a
+//! stage; the CRC of these two. Readers check the slices that they need.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -18,10 +18,10 @@ use crate::geom::Dims;
 use crate::platform::{FileExt, PositionalFile};
 use crate::progress::Progress;
 
-/// Bytes that are read at a time.
+/// Bytes read at a time.
 const STEP: usize = 64 << 10;
 
-/// Which occupancy: that of a part's share of the slices, or of all.
+/// Identity of an occupancy: a part's share of the slices, or all of them.
 #[derive(Clone, Copy)]
 pub(crate) struct OccupancyId<'a> {
     pub(crate) part: &'a PartId,
@@ -32,13 +32,13 @@ pub(crate) struct OccupancyId<'a> {
 }
 
 impl OccupancyId<'_> {
-    /// The slices that it holds.
+    /// The slices in the file.
     pub(crate) fn slices(&self) -> Range<u32> {
         let nz = self.dims.nz();
         if self.is_whole { 0..nz } else { share(self.part.number, nz, self.part.cuts.parts) }
     }
 
-    /// The size of what it holds; `None` if that is nothing.
+    /// Size of the stored slices; `None` if there are none.
     pub(crate) fn own_dims(&self) -> Option<Dims> {
         let slices = self.slices();
         Dims::new(self.dims.nx(), self.dims.ny(), slices.end - slices.start)
@@ -61,10 +61,10 @@ impl OccupancyId<'_> {
         head(Stage::Occupancy, self.part, self.is_whole)
     }
 
-    /// Writes the file: `fill` has the bits, of which there are some.
+    /// Writes the file; `fill` supplies the bits, which must not be empty.
     ///
     /// # Errors
-    /// The disk fails, or those of `fill`.
+    /// The disk fails, or `fill` does.
     pub(crate) fn write<E: From<BuildError>>(
         &self,
         progress: &dyn Progress,
@@ -100,7 +100,7 @@ impl OccupancyId<'_> {
         Ok(atomic.commit().map_err(failed)?)
     }
 
-    /// Opens the file, of whose bits nothing is checked yet; `None` if it is not there.
+    /// Opens the file without checking its bits; `None` if it does not exist.
     ///
     /// # Errors
     /// It is damaged, or cannot be read.
@@ -155,7 +155,7 @@ pub(crate) struct Occupancy<'a> {
 }
 
 impl Occupancy<'_> {
-    /// Checks some slices of the volume, as far as they are here.
+    /// Checks the given slices, as far as the file holds them.
     ///
     /// # Errors
     /// One is damaged, or cannot be read.
@@ -179,7 +179,7 @@ impl Occupancy<'_> {
         Ok(())
     }
 
-    /// Its bits; `None` if it has none.
+    /// The bits; `None` if there are none.
     pub(crate) fn into_bits(self) -> Option<BitVolume> {
         let dims = self.id.own_dims()?;
         Some(BitVolume::over(self.file, self.id.folder, dims))

@@ -1,4 +1,4 @@
-//! Parts as they are read again: opened, and every byte checked before it counts.
+//! Reads parts: opens them, and checks every byte before it is used.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::progress::Progress;
 /// Bytes of a record read at a time.
 pub(super) const STEP: usize = 256 << 10;
 
-/// A part of a plan, open.
+/// An open part of a plan.
 #[derive(Debug)]
 pub(crate) struct PartFile {
     pub(super) head: Head,
@@ -24,7 +24,7 @@ pub(crate) struct PartFile {
 }
 
 impl PartFile {
-    /// Opens a part by its name in the folder of its job; `None` if it is not there.
+    /// Opens a part by its name in the folder of its job; `None` if it does not exist.
     ///
     /// # Errors
     /// It cannot be read, or is not this part.
@@ -43,7 +43,7 @@ impl PartFile {
         }
     }
 
-    /// Reads all of it.
+    /// Reads the whole part.
     ///
     /// # Errors
     /// It is damaged, or cannot be read.
@@ -70,7 +70,7 @@ impl PartFile {
     }
 }
 
-/// Levels of a grid, if it can be one.
+/// Levels of a grid; 0 if its sides are invalid.
 pub(super) fn depth([x, y, z]: [u32; 3]) -> u32 {
     crate::geom::Dims::new(x, y, z).map_or(0, crate::geom::Dims::depth)
 }
@@ -79,7 +79,7 @@ pub(super) fn at(path: &Path, fault: PartFault) -> BuildError {
     BuildFault::Part { path: path.to_path_buf(), fault }.into()
 }
 
-/// Is the part another one than its name says?
+/// Returns the fault of a part that is not the one its name states.
 fn of_plan(head: &Head, part: &PartId) -> Option<PartFault> {
     let number = part.number;
     if head.digest != part.digest || head.parts != part.cuts.parts || head.dims != part.cuts.dims.to_array() {
@@ -114,7 +114,7 @@ fn frame(file: &PositionalFile, number: u32) -> Result<(Head, Cursor), PartFault
     Ok((head, Cursor { number, tail, records, read: 0, end: records, crc: 0, next: None }))
 }
 
-/// Reads exactly so many bytes; a file that ends before is damaged.
+/// Reads exactly this many bytes; a file that ends earlier is damaged.
 fn read_at(file: &PositionalFile, bytes: &mut [u8], offset: u64, number: u32) -> Result<(), PartFault> {
     file.read_exact_at(bytes, offset).map_err(|cause| match cause.kind() {
         io::ErrorKind::UnexpectedEof => PartFault::Damaged { number },
@@ -146,13 +146,13 @@ pub(super) fn for_each_step<E: From<PartFault>>(
 pub(super) struct Cursor {
     number: u32,
     tail: Tail,
-    /// Where the first record begins.
+    /// Offset of the first record.
     records: u64,
     /// Entries read, the end of their records, and the CRC of the entries.
     read: u64,
     end: u64,
     crc: u32,
-    /// The entry that was read last, if it was not the end.
+    /// The entry read last; `None` at the end.
     pub(super) next: Option<Entry>,
 }
 
@@ -161,12 +161,12 @@ impl Cursor {
         self.tail.groups
     }
 
-    /// The same before its first entry.
+    /// The cursor before its first entry.
     pub(super) fn rewound(self) -> Self {
         Self { read: 0, end: self.records, crc: 0, next: None, ..self }
     }
 
-    /// Reads the next entry; at the end the footer has been checked.
+    /// Reads the next entry; at the end the footer is checked.
     ///
     /// # Errors
     /// The footer is damaged or cannot be read.

@@ -1,4 +1,4 @@
-//! The record of a group of bricks: stretches of bytes as they stand in the model, and its entry in the footer.
+//! The record of a group of bricks: stretches of bytes in the model's form, and its entry in the footer.
 
 use crate::builder::layout::{BRICK_LEVELS, GroupCounts, StoredChannels};
 use crate::builder::merge::summary_bytes_of;
@@ -7,20 +7,20 @@ use crate::builder::walk::{GROUP_BRICKS, GROUP_VOXELS};
 /// Bytes of an entry in the footer.
 pub(crate) const ENTRY_BYTES: usize = 56;
 
-/// A stretch of a record, which stands in one level of one section of the model.
+/// A stretch of a record, which belongs to one level of one section of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::builder) enum Stretch {
     /// Code and sums of every brick, for the levels above.
     Summaries,
     /// Infobytes of boxes with an edge of 2^e.
     Nodes(usize),
-    /// Items of a channel, by its place in the list.
+    /// Items of a channel, by its index in the list.
     Items(usize),
     /// Means of a channel of boxes with an edge of 2^e.
     Means(usize, usize),
 }
 
-/// How a number of items follows from the numbers of a group.
+/// Source of a number of items in the counts of a group.
 #[derive(Clone, Copy, Debug)]
 enum Number {
     /// Boxes with an edge of 2^e.
@@ -65,7 +65,7 @@ impl RecordForm {
         })
     }
 
-    /// Where a stretch begins in the record; `None` for one that is not stored.
+    /// Offset of a stretch in the record; `None` if it is not stored.
     pub(in crate::builder) fn offset(&self, counts: &GroupCounts, of: Stretch) -> Option<u64> {
         let mut offset = 0;
         for (stretch, bytes) in self.lengths(*counts) {
@@ -88,7 +88,7 @@ impl RecordForm {
 pub(super) struct Entry {
     /// Morton code of the group.
     pub(super) code: u64,
-    /// Where its record begins.
+    /// Offset of its record.
     pub(super) offset: u64,
     pub(super) crc: u32,
     pub(super) counts: GroupCounts,
@@ -115,7 +115,7 @@ impl Entry {
         Self { code: number(0), offset: number(8), crc: word(0), counts }
     }
 
-    /// Can a group have these numbers?
+    /// True if a group can have these numbers.
     pub(super) fn is_sound(&self) -> bool {
         let GroupCounts { boxes, voxels, corners } = self.counts;
         let fits = |(count, e): (u32, u32)| (1..=(GROUP_VOXELS >> e).pow(3)).contains(&count);

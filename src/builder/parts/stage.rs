@@ -1,13 +1,13 @@
-//! What has to be known of the whole volume before its parts can be built, found share by share: every stage has a file
-//! for each share and one for all of them, which holds what the shares add up to.
+//! Facts of the whole volume that parts need, found share by share: every stage has a file for each share and one for
+//! all of them, which holds the combined result.
 //!
 //! ```text
 //! extremes (samples of more than 16 bits) --> histogram --> the threshold of Otsu's method --+--> parts
 //!                                                                    occupancy --> cleaning --+
 //! ```
 //!
-//! A file, little-endian: magic, digest of the plan, stage, number and count of the shares, the words of the finding, the
-//! CRC of all that. Words are counts, or the bits of numbers, so that nothing is rounded on the way.
+//! A file, little-endian: magic, digest of the plan, stage, number and count of the shares, the words of the finding,
+//! the CRC of all that. Words are counts, or the bits of numbers, so that values are never rounded.
 
 use std::fmt;
 use std::io::{self, Read as _, Write as _};
@@ -31,7 +31,7 @@ const MAGIC: [u8; 8] = *b"\x89OSTAGE\n";
 /// Number of the file of all shares.
 const WHOLE: u32 = u32::MAX;
 pub(super) const HEAD_BYTES: usize = 8 + 32 + 4 + 4 + 4;
-/// No file is longer.
+/// Length limit of a file.
 const MAX_BYTES: u64 = (HEAD_BYTES + 8 * (64 + 2 * BINS) + 4) as u64;
 
 /// A stage before the parts.
@@ -41,7 +41,7 @@ pub enum Stage {
     Extremes,
     /// The counts of all samples, from which the threshold follows.
     Histogram,
-    /// One bit a voxel, which cleaning works on.
+    /// One bit a voxel, the input of cleaning.
     Occupancy,
 }
 
@@ -51,7 +51,7 @@ impl Stage {
         if needs_extremes(scalar) { &[Self::Extremes, Self::Histogram] } else { &[Self::Histogram] }
     }
 
-    /// Its name.
+    /// Name of the stage.
     pub fn name(self) -> &'static str {
         match self {
             Self::Extremes => "extremes",
@@ -87,14 +87,14 @@ impl FromStr for Stage {
     }
 }
 
-/// What was found, in a share of the volume or in all of it.
+/// Result of a stage, for a share of the volume or for all of it.
 #[derive(Debug)]
 pub(crate) enum Finding {
-    /// The least and the greatest finite sample, if there is one.
+    /// The least and the greatest finite sample; `None` without finite samples.
     Extremes(Option<(f64, f64)>),
     /// Counts.
     Tally(Tally),
-    /// What is inside, by the counts of the whole.
+    /// The selection of the inside values, by the counts of the whole.
     Chosen(Selection, Option<BuildNote>),
 }
 
@@ -141,7 +141,7 @@ impl Finding {
         })
     }
 
-    /// Adds the finding of another share; `false` if it is of another kind.
+    /// Adds the finding of another share; `false` if its kind differs.
     fn join(&mut self, other: Self) -> bool {
         match (self, other) {
             (Self::Extremes(all), Self::Extremes(own)) => {
@@ -155,7 +155,7 @@ impl Finding {
     }
 }
 
-/// Finds what a stage asks of the share of a part; `extremes` are those of the whole, where they come first.
+/// Runs a stage on the share of a part; `extremes` come from the whole volume, if they are found first.
 ///
 /// # Errors
 /// The volume cannot be read, or the memory is too small.
@@ -172,7 +172,7 @@ pub(crate) fn find(
     })
 }
 
-/// What the shares of all parts add up to; of a histogram the threshold that follows.
+/// Combines the shares of all parts; of a histogram, returns the threshold that follows.
 ///
 /// Memory: the counts of two shares.
 ///
@@ -224,7 +224,7 @@ pub(super) fn head(stage: Stage, part: &PartId, is_whole: bool) -> [u8; HEAD_BYT
     head
 }
 
-/// Writes the finding of a share, or of all of them; the file appears whole or not at all.
+/// Writes the finding of a share, or of all of them, atomically.
 ///
 /// # Errors
 /// The disk fails.
@@ -255,7 +255,7 @@ pub(crate) fn write(
     put().map_err(|cause| BuildFault::Output { path: path.clone(), cause }.into())
 }
 
-/// Reads the finding of a share, or of all of them; `None` if it is not there.
+/// Reads the finding of a share, or of all of them; `None` if it does not exist.
 ///
 /// # Errors
 /// It cannot be read, or is damaged.

@@ -39,7 +39,7 @@ impl PartWriter {
         }
     }
 
-    /// Writes head, footer and tail; every record is read back for its CRC. Gives the bytes of the file.
+    /// Writes head, footer and tail; every record is read back for its CRC. Returns the length of the file.
     ///
     /// Memory: [`STEP`] and the buffer of a run, for any number of groups.
     pub(in crate::builder) fn seal(&self, target: &Target<'_>, scratch: &Scratch) -> Result<u64, BuildError> {

@@ -1,14 +1,14 @@
-//! Visibility from a viewpoint: boxes of the surface that no ray from there ever reaches are not kept.
+//! Visibility from a viewpoint: boxes of the surface that rays from there never reach are dropped.
 //!
 //! ```text
 //!   solid --bits--> occupancy (scratch file) --sweeps--> boxes that can be seen (scratch file) --AND--> skin, cells
 //! ```
 //!
-//! Rays are followed box by box. Along each axis a ray goes up, down or not at all: so there are eight ways, and a
-//! box that a ray of one way enters is next to one that it has been in, on the side that it comes from. Each way is
-//! one sweep over the occupancy ([`mod@row`] has the rule). What it finds is never too little: every box that a
-//! straight ray meets first is among what is kept, and so are some that only a bent one would meet. Voxels that share
-//! an edge or a corner do not stop a ray.
+//! Rays are followed box by box. Along each axis a ray goes up, down or not at all: so there are eight ways, and a box
+//! that a ray of one way enters has its previous box next to it, on the side that the ray comes from. Each way is one
+//! sweep over the occupancy ([`mod@row`] has the rule). The result never lacks a box: every box that a straight ray
+//! meets first is kept, and so are some that only a bent one would meet. Voxels that share an edge or a corner do not
+//! stop a ray.
 //!
 //! Memory: [`sweep::Pass::bytes`] for each way, for volumes of any size. Scratch: two bits a voxel, with two
 //! workers three. Cost: the volume is read once more; a sweep goes through some 10^9 voxels a second.
@@ -24,14 +24,14 @@ use crate::geom::{Affine, Dims};
 use crate::progress::Progress;
 use sweep::{Pass, Way};
 
-/// From where a model will be looked at.
+/// Viewpoint of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewedFrom {
-    /// From anywhere beyond the box of the volume.
+    /// Anywhere beyond the box of the volume.
     Outside,
-    /// Along this world direction, from beyond the box: a parallel view.
+    /// A parallel view along this world direction, from beyond the box.
     Along([f64; 3]),
-    /// From this point in world millimetres.
+    /// A point in world millimetres.
     Point([f64; 3]),
 }
 
@@ -45,12 +45,12 @@ impl fmt::Display for ViewedFrom {
     }
 }
 
-/// Parts of a direction that are this much smaller than its largest are rounded to nothing by the rays of pictures.
+/// Ratio to its largest component below which a component of a direction counts as zero, as for the rays of pictures.
 const NOTHING: f64 = 1.0 / 4_294_967_296.0;
 
-/// The ways of all rays from these places, through a grid of boxes of this size.
+/// The ways of all rays from these viewpoints, through a grid of boxes of this size.
 ///
-/// `boxes_from_world` gives the box of a world position, as a fractional place: box i is `i .. i + 1`.
+/// `boxes_from_world` maps a world position to a fractional box position: box i is `i .. i + 1`.
 fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> {
     let sides = dims.to_array();
     let mut all = Vec::new();
@@ -73,7 +73,7 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
                 add(Way { moves, back, eye: None, within: false });
             }
             ViewedFrom::Point(point) => {
-                // Far outside is as far as it has to be.
+                // Far positions outside are clamped.
                 let eye = [0, 1, 2].map(|a| {
                     let at = boxes_from_world.apply(*point)[a].floor();
                     #[expect(clippy::cast_possible_truncation, reason = "clamped before")]
@@ -95,34 +95,34 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// A search in a grid whose affine is that of voxels' centres.
+    /// A search in a grid whose affine maps the centres of voxels.
     pub(super) fn new(from: &[ViewedFrom], voxels: Affine, is_cells: bool, occupancy: &'a BitVolume) -> Self {
-        // Voxel i is box i; its centre is that of its box, or where cells i and i + 1 meet.
+        // Voxel i is box i; its centre is the centre of its box, or for cells the point where cells i and i + 1 meet.
         let shift = if is_cells { 1.0 } else { 0.5 };
         let ways = match voxels.inverse() {
             Some(mut inverse) => {
                 inverse.rows.iter_mut().for_each(|row| row[3] += shift);
                 ways(from, &inverse, occupancy.dims())
             }
-            // Without places in the world, from everywhere.
+            // Without world positions, from everywhere.
             None => ways(&[ViewedFrom::Outside], &Affine::from_spacing([1.0; 3]), occupancy.dims()),
         };
         Self { occupancy, is_cells, ways }
     }
 
-    /// The ways up the slices, or down; groups can be followed at the same time.
+    /// The ways up the slices, or down; ways of a group can be followed at the same time.
     fn group(&self, back: bool) -> impl Iterator<Item = Way> {
         self.ways.iter().copied().filter(move |way| way.back[2] == back)
     }
 
-    /// Bytes that following a group takes.
+    /// Memory for following a group.
     pub(super) fn group_bytes(&self) -> u64 {
         let most = [false, true].map(|back| self.group(back).count()).into_iter().max().unwrap_or(0);
         let dims = self.occupancy.dims();
         most as u64 * Pass::bytes(self.occupancy.row_words, dims.ny())
     }
 
-    /// Does the eye of a way lie in the solid? Its rays meet the surface from within then.
+    /// True if the eye of a way lies in the solid; its rays then meet the surface from within.
     fn is_in_solid(&self, way: &Way) -> Result<bool, BuildError> {
         let Some(eye) = way.eye.filter(|_| way.within) else { return Ok(false) };
         let dims = self.occupancy.dims().to_array();
@@ -144,7 +144,7 @@ impl<'a> Search<'a> {
         Ok(true)
     }
 
-    /// Follows the ways of a group, and sets the boxes that it sees; all of them from within the solid.
+    /// Follows the ways of a group, and sets the boxes that can be seen: all boxes if the eye is within the solid.
     pub(super) fn follow(
         &self,
         back: bool,

@@ -1,4 +1,4 @@
-//! One row of boxes: which of them a ray can be in, by those that it can have come from.
+//! One row of boxes: those that a ray can be in, given the boxes that it can have come from.
 //!
 //! Rows are taken in the direction of the rays: bit 0 of word 0 is the box that they reach first. A ray that goes up
 //! along all axes enters a box from one of the seven boxes around its lower corner. Where it enters through open
@@ -8,12 +8,12 @@
 //!   lit(x, y, z)  =  OR over steps s of  lit((x, y, z) - s)  AND  open(s)
 //! ```
 //!
-//! A voxel outside is open from everywhere. Of cells, a face, an edge or a corner is open if one of its samples is
-//! outside: where all are inside, it lies in the solid, as every sample inside lies behind the plane of its cell.
+//! A voxel outside is open from everywhere. For cells, a face, an edge or a corner is open if one of its samples is
+//! outside: where all are inside, it lies in the solid, as every inside sample lies behind the plane of its cell.
 //! Along x one carry of an addition goes through all open boxes of a word at once.
 
-/// Samples outside, of the four rows around a row of cells: *near* is the side that rays come from. Of voxels only
-/// their own row, the last one, is used.
+/// Outside samples in the four rows around a row of cells: *near* is the side that rays come from. Voxels only use
+/// their own row, the last one.
 #[derive(Clone, Copy)]
 pub(super) struct Air<'a> {
     pub(super) near_both: &'a [u64],
@@ -32,14 +32,14 @@ pub(super) struct Lit<'a> {
 /// The rows that rays come from.
 #[derive(Clone, Copy)]
 pub(super) struct Upstream<'a> {
-    /// Is the box before the first of this row lit?
+    /// True if the box before the first of this row is lit.
     pub(super) before: bool,
     pub(super) y: Lit<'a>,
     pub(super) z: Lit<'a>,
     pub(super) yz: Lit<'a>,
 }
 
-/// A row whose bits are also wanted one box further on.
+/// A row that is also read shifted by one box.
 struct Shifted<'a> {
     row: &'a [u64],
     carry: u64,
@@ -54,7 +54,7 @@ impl<'a> Shifted<'a> {
         Self::new(lit.row, lit.before)
     }
 
-    /// A word of the row, and the same of the row one box before.
+    /// Word `i` of the row, and of the row shifted by one box.
     #[inline(always)]
     fn next(&mut self, i: usize) -> (u64, u64) {
         let word = self.row[i];
@@ -64,8 +64,8 @@ impl<'a> Shifted<'a> {
     }
 }
 
-/// Writes which boxes of the row are lit, and which a ray can enter at all; only those of `region` are. In those of
-/// `start` rays begin. Without `along_x` rays stay in their column.
+/// Writes the lit boxes of the row, and the boxes that a ray can enter at all, both within `region`. Rays begin in the
+/// boxes of `start`. Without `along_x` rays stay in their column.
 pub(super) fn sweep<const CELLS: bool>(
     along_x: bool,
     air: &Air<'_>,
@@ -100,10 +100,10 @@ pub(super) fn sweep<const CELLS: bool>(
     }
 }
 
-/// Bits that are set, or whose lower neighbour (of bit 0: `before`) becomes set and that are open to it.
+/// Bits that are set, or that are open and have a lower neighbour (of bit 0: `before`) that becomes set.
 #[inline(always)]
 fn carry(set: u64, open: u64, before: u64) -> u64 {
-    // An addition carries out of a place where both bits are 1, or one is and a carry comes in.
+    // An addition carries out of a place where both bits are 1, or where one is and a carry comes in.
     let either = set | open;
     let sum = either.wrapping_add(set).wrapping_add(before);
     set | either & !sum
@@ -146,7 +146,7 @@ mod tests {
                     let at = |row: &[u64], first: bool, dx: usize| {
                         i.checked_sub(dx).map_or(first, |i| bit(row, i))
                     };
-                    // A sample of row y, z (1: the near one), dx before.
+                    // Sample of row y, z (1: the near one), `dx` before.
                     let sample = |y: usize, z: usize, dx: usize| at(&air[3 - 2 * y - z], true, dx);
                     let (mut is_lit, mut is_entered) = (false, false);
                     for (dx, dy, dz) in (1..8).map(|s| (s & 1, s >> 1 & 1, s >> 2)) {
@@ -159,7 +159,7 @@ mod tests {
                             (0, 1) => at(&rows[1], before[1], dx),
                             _ => at(&rows[2], before[2], dx),
                         };
-                        // What both boxes have in common: along a step its near side, else both.
+                        // Samples common to both boxes: along a step its near side, else both.
                         let sides = |step: usize| if step == 1 { 1..2 } else { 0..2 };
                         let open = if cells {
                             sides(dy).any(|y| sides(dz).any(|z| sides(dx).any(|x| sample(y, z, x))))

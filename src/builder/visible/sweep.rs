@@ -1,4 +1,4 @@
-//! One pass over the occupancy along one of the eight ways in which rays can go: up or down each axis.
+//! One pass over the occupancy along one of the eight ways of rays: up or down each axis.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -12,29 +12,29 @@ use super::row::{Air, Lit, Upstream, sweep};
 use crate::builder::bits::BitVolume;
 use crate::builder::error::BuildError;
 
-/// Bytes of rows that are worked on at a time, of each kind.
+/// Bytes of rows processed at a time, of each kind.
 const BLOCK_BYTES: usize = 16 << 10;
 
-/// Rays that go the same way along each axis, and where they can be.
+/// Rays of one direction along each axis, and their possible positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Way {
-    /// Do they go at all along an axis?
+    /// True for the axes along which the rays move.
     pub(super) moves: [bool; 3],
-    /// Do they go down?
+    /// True for the axes along which the rays go down.
     pub(super) back: [bool; 3],
-    /// The box that they begin in, of an eye: they stay on its far side.
+    /// The box of the eye, where the rays begin: they stay on its far side.
     pub(super) eye: Option<[i64; 3]>,
-    /// Does the eye lie in the grid? Everything beyond the grid is lit otherwise.
+    /// True if the eye lies in the grid. Otherwise everything beyond the grid is lit.
     pub(super) within: bool,
 }
 
 impl Way {
-    /// Can the rays be at this place of an axis? Places are rounded; one more counts as on the far side.
+    /// True if the rays can be at this position of an axis. Positions are rounded; one more counts as on the far side.
     pub(super) fn reaches(&self, axis: usize, at: i64) -> bool {
         self.eye.is_none_or(|eye| if self.back[axis] { at <= eye[axis] + 1 } else { at >= eye[axis] - 1 })
     }
 
-    /// Can they be anywhere in a grid of this size?
+    /// True if the rays can be anywhere in a grid of this size.
     pub(super) fn meets(&self, dims: [u32; 3]) -> bool {
         (0..3).all(|a| {
             let (first, last) = (0, i64::from(dims[a]) - 1);
@@ -42,12 +42,12 @@ impl Way {
         })
     }
 
-    /// Are boxes of this row beyond the grid lit?
+    /// True if boxes of this row beyond the grid are lit.
     fn is_lit_beyond(&self, y: i64, z: i64) -> bool {
         !self.within && self.reaches(1, y) && self.reaches(2, z)
     }
 
-    /// The row at (y, z), if rays come from there: as it is held, or beyond the grid lit as a whole or not at all.
+    /// The row at (y, z) if rays come from there: as stored, or beyond the grid uniformly lit or dark.
     fn lit<'a>(
         &self,
         moves: bool,
@@ -72,20 +72,20 @@ pub(super) struct Pass<'a> {
     way: Way,
     occupancy: &'a BitVolume,
     is_cells: bool,
-    /// Boxes of the slice before that are lit, in the direction of the rays: slice `slot` of this.
+    /// Lit boxes of the previous slice, in the direction of the rays, stored as slice `slot`.
     slices: &'a BitVolume,
     slot: u32,
     seen: &'a BitVolume,
-    /// Places along x that rays can be at.
+    /// Possible positions of rays along x.
     region: Vec<u64>,
     zeros: Vec<u64>,
     rows: usize,
     block: Block,
 }
 
-/// Rows of one block, and those before them.
+/// Rows of one block, and the rows before them.
 struct Block {
-    /// Rows of slices z - 1 and z, one more before.
+    /// Rows of slices z - 1 and z, with one more before.
     air: [Vec<u64>; 2],
     old: Vec<u64>,
     new: Vec<u64>,
@@ -93,7 +93,7 @@ struct Block {
     old_before: Vec<u64>,
     new_before: Vec<u64>,
     entered: Vec<u64>,
-    /// Boxes of a row that rays begin in.
+    /// Boxes of a row where rays begin.
     start: Vec<u64>,
 }
 
@@ -146,7 +146,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Goes through slice `z`; slices come in the direction of the rays.
+    /// Processes slice `z`; slices come in the direction of the rays.
     pub(super) fn slice(&mut self, z: u32) -> Result<(), BuildError> {
         if !self.way.reaches(2, z.into()) {
             return Ok(());
@@ -225,7 +225,7 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// Row `y`, number `j` of the block.
+    /// Processes row `y`, number `j` of the block.
     fn row(&mut self, z: u32, y: u32, j: usize) {
         let (way, dims) = (self.way, self.occupancy.dims());
         let words = self.occupancy.row_words;

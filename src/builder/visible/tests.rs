@@ -1,4 +1,4 @@
-//! Sweeps against the rule, box by box.
+//! Sweeps compared with the rule, box by box.
 #![expect(clippy::cast_possible_truncation, reason = "places of a small grid")]
 
 use std::collections::BTreeSet;
@@ -7,7 +7,7 @@ use super::*;
 use crate::progress::Silent;
 use crate::random::Random;
 
-/// A small grid of samples, and the slow way to what can be seen in it.
+/// A small grid of samples, with a slow search for visible boxes.
 struct Slow {
     dims: [i64; 3],
     inside: Vec<bool>,
@@ -16,18 +16,18 @@ struct Slow {
 
 impl Slow {
     fn inside(&self, p: [i64; 3]) -> bool {
-        // There is a sample less than there are cells.
+        // A grid of cells has one sample less.
         let last = |a: usize| self.dims[a] - i64::from(self.is_cells);
         let within = (0..3).all(|a| (0..last(a)).contains(&p[a]));
         within && self.inside[((p[2] * self.dims[1] + p[1]) * self.dims[0] + p[0]) as usize]
     }
 
-    /// Can a ray that has been in the box before go on through this one?
+    /// True if a ray from the previous box can go on through this one.
     fn is_open(&self, p: [i64; 3], step: [i64; 3]) -> bool {
         if !self.is_cells {
             return !self.inside(p);
         }
-        // Samples that both cells have: cell i lies between samples i - 1 and i.
+        // Samples common to both cells: cell i lies between samples i - 1 and i.
         let range = |a: usize| match step[a] {
             1 => p[a] - 1..=p[a] - 1,
             -1 => p[a]..=p[a],
@@ -36,7 +36,7 @@ impl Slow {
         range(2).any(|z| range(1).any(|y| range(0).any(|x| !self.inside([x, y, z]))))
     }
 
-    /// The boxes that rays of a way enter.
+    /// Boxes that rays of a way enter.
     fn entered(&self, way: &Way) -> BTreeSet<[i64; 3]> {
         let signs = [0, 1, 2].map(|a| if way.back[a] { -1 } else { 1 });
         let reached = |p: [i64; 3]| (0..3).all(|a| way.reaches(a, p[a]));
@@ -116,7 +116,7 @@ fn sweeps_see_what_the_rule_sees() {
         };
         let search = Search::new(&from, Affine::from_spacing([1.0; 3]), is_cells, &occupancy);
         let mut expected: BTreeSet<[i64; 3]> = search.ways.iter().flat_map(|way| slow.entered(way)).collect();
-        // From within the solid everything is seen.
+        // From within the solid everything is visible.
         let from_within = search.ways.iter().any(|way| {
             let sides = if is_cells { 0..2 } else { 0..1 };
             let samples = |eye: [i64; 3]| {
@@ -158,7 +158,7 @@ fn ways_are_as_few_as_they_can_be() {
     assert_eq!(count(&[ViewedFrom::Outside]), 8);
     assert_eq!(count(&[ViewedFrom::Outside, ViewedFrom::Along([1.0, 2.0, -3.0])]), 8);
     assert_eq!(count(&[ViewedFrom::Along([0.0, 1.0, 0.0]), ViewedFrom::Along([0.0, 3.0, 0.0])]), 1);
-    // From within to all sides; from before a face only onwards.
+    // From within in all directions; from before a face only onwards.
     assert_eq!(count(&[ViewedFrom::Point([5.0; 3])]), 8);
     assert_eq!(count(&[ViewedFrom::Point([5.0, 5.0, -100.0])]), 4);
     assert_eq!(count(&[ViewedFrom::Point([-50.0, 1e9, -100.0])]), 1);

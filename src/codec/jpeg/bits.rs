@@ -11,22 +11,22 @@ const MAX_PADDING: u32 = 64;
 
 pub(super) struct Bits<'b, 'r> {
     bytes: &'b mut Bytes<'r>,
-    /// The next bits, the first one highest; zero below the `count` that are there.
+    /// The next bits, the first one highest; zero below the valid `count`.
     window: u64,
     count: u32,
     /// The marker that ended the data.
     marker: Option<u8>,
-    /// The input ended without one.
+    /// Set once the input has ended without a marker.
     ended: bool,
 }
 
 impl<'b, 'r> Bits<'b, 'r> {
-    /// The bits that begin at the input's place.
+    /// Starts reading bits at the next byte of the input.
     pub(super) fn new(bytes: &'b mut Bytes<'r>) -> Self {
         Self { bytes, window: 0, count: 0, marker: None, ended: false }
     }
 
-    /// The next 16 bits, zeros behind the end of the data; they are not taken.
+    /// The next 16 bits, not consumed; zeros past the end of the data.
     #[inline]
     pub(super) fn peek(&mut self) -> Result<u16, CodecError> {
         if self.count < 32 {
@@ -76,7 +76,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     /// Takes bits, fewer than 64.
     ///
     /// # Errors
-    /// So many are not there.
+    /// Fewer bits are left.
     #[inline]
     pub(super) fn consume(&mut self, count: u32) -> Result<(), CodecError> {
         self.count = self.count.checked_sub(count).ok_or_else(ends_early)?;
@@ -86,7 +86,7 @@ impl<'b, 'r> Bits<'b, 'r> {
 
     /// Fills the window to at least 57 bits, or with all that come before a marker or the end.
     fn refill(&mut self) -> Result<(), CodecError> {
-        // None of the bytes in the buffer after a marker belongs to this scan.
+        // Bytes in the buffer after a marker do not belong to this scan.
         if self.marker.is_none()
             && let Some(word) = self.bytes.eight_plain()
         {
@@ -141,7 +141,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     /// Passes over padding to the marker behind the data; none if the input ends without one.
     ///
     /// # Errors
-    /// So much is left over that it is not padding.
+    /// Too many bytes are left over for padding.
     pub(super) fn finish(&mut self) -> Result<Option<u8>, CodecError> {
         let mut left_over = self.count / 8;
         (self.window, self.count) = (0, 0);
@@ -164,7 +164,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     }
 }
 
-/// Kept out of the hot path.
+/// Error for a bit string that is not a code; kept out of the hot path.
 #[cold]
 fn no_such_code() -> CodecError {
     damaged("it holds a code that its Huffman table does not have")
@@ -183,7 +183,7 @@ impl Restarts {
         Self { interval, left: interval, number: 0 }
     }
 
-    /// Called before each unit; passes over a marker that is due, and says so.
+    /// Called before each unit; passes over a marker that is due, and returns true for one.
     #[inline]
     pub(super) fn unit(&mut self, bits: &mut Bits<'_, '_>) -> Result<bool, CodecError> {
         if self.interval == 0 {

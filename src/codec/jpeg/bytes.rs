@@ -1,4 +1,4 @@
-//! The integers and marker segments that bytes make up.
+//! Integers and marker segments, read byte by byte.
 
 pub(super) use crate::codec::bytes::{BUFFER_BYTES, Bytes};
 use crate::codec::{CodecError, damaged};
@@ -68,7 +68,7 @@ impl Segment<'_, '_> {
         Ok((byte >> 4, byte & 15))
     }
 
-    /// Passes over what is left.
+    /// Skips the rest of the segment.
     pub(super) fn skip(mut self) -> Result<(), CodecError> {
         while self.left > 0 {
             self.byte()?;
@@ -77,7 +77,7 @@ impl Segment<'_, '_> {
     }
 }
 
-/// The input stops inside the image.
+/// Error for input that stops inside the image.
 #[cold]
 pub(super) fn ends_early() -> CodecError {
     damaged("it ends early")

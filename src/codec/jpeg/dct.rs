@@ -38,7 +38,7 @@ pub(super) fn samples(block: &Block, steps: &Steps, precision: u8) -> [u16; 64] 
         let rounded = (value + (1 << (SCALE + KEPT - 1))) >> (SCALE + KEPT);
         u16::try_from((rounded + half).clamp(0, most)).unwrap_or(u16::MAX)
     };
-    // Most blocks of smooth images: one value all over, through the same two passes.
+    // Most blocks of smooth images have only a DC coefficient: one value, through the same two passes.
     if block[1..].iter().all(|&coefficient| coefficient == 0) {
         let once = pass_one(C[4] * coefficient(block, steps, 0));
         return [finish(C[4] * once); 64];
@@ -63,7 +63,7 @@ fn coefficient(block: &Block, steps: &Steps, at: usize) -> i64 {
     i64::from((i32::from(block[at]) * i32::from(steps[at])).clamp(-LARGEST, LARGEST))
 }
 
-/// Rounds what the first pass gives to [`KEPT`] bits.
+/// Rounds a value of the first pass to [`KEPT`] fractional bits.
 #[inline]
 fn pass_one(value: i64) -> i64 {
     (value + (1 << (SCALE - KEPT - 1))) >> (SCALE - KEPT)

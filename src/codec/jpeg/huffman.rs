@@ -9,12 +9,12 @@ const LOOKUP_BITS: u32 = 9;
 
 /// One table, ready for decoding. About 1.5 KiB.
 pub(super) struct Huffman {
-    /// By the next [`LOOKUP_BITS`] bits: code length in the upper byte, symbol in the lower; 0 for longer
-    /// codes and for none.
+    /// Indexed by the next [`LOOKUP_BITS`] bits: code length in the upper byte, symbol in the lower; 0 for longer codes
+    /// and for invalid ones.
     lookup: [u16; 1 << LOOKUP_BITS],
     /// For each length, one more than its last code, shifted up to 16 bits.
     limit: [u32; 17],
-    /// For each length, what leads from a code to the place of its symbol.
+    /// For each length, the difference between a code and the index of its symbol.
     offset: [i32; 17],
     symbols: [u8; 256],
 }
@@ -37,7 +37,7 @@ impl Huffman {
         Self::new(&counts, symbols)
     }
 
-    /// Gives the codes out in order of length, as T.81 C.2 does.
+    /// Assigns the codes in order of length, as T.81 C.2 does.
     pub(super) fn new(counts: &[u8; 16], symbols: [u8; 256]) -> Result<Self, CodecError> {
         let mut table = Self { lookup: [0; 1 << LOOKUP_BITS], limit: [0; 17], offset: [0; 17], symbols };
         let (mut code, mut place) = (0_u32, 0_u32);
@@ -65,14 +65,14 @@ impl Huffman {
         Ok(table)
     }
 
-    /// The length of the code that 16 bits begin with, and its symbol; a length of 0 if there is none.
+    /// Length and symbol of the code that 16 bits begin with; length 0 for an invalid code.
     #[inline]
     pub(super) fn find(&self, bits: u16) -> (u32, u8) {
         let [length, symbol] = self.lookup[usize::from(bits >> (16 - LOOKUP_BITS))].to_be_bytes();
         if length != 0 { (length.into(), symbol) } else { self.find_long(bits) }
     }
 
-    /// The same for codes longer than the look-up.
+    /// Like `find`, for codes longer than the look-up.
     fn find_long(&self, bits: u16) -> (u32, u8) {
         for length in LOOKUP_BITS + 1..=16 {
             let slot = length as usize;

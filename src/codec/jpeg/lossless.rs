@@ -30,7 +30,7 @@ pub(super) fn decode(
     if scan.components.len() == count {
         reserve(lines_bytes, memory_bytes)?;
         let mut row = vec![0; samples_in_row];
-        // The components of the scan may come in another order than those of the frame.
+        // The components of the scan may come in another order than in the frame.
         let order: Vec<usize> = scan.components.iter().map(|c| c.index).collect();
         lines(bytes, tables, frame, scan, |_, line, finish| {
             for (row, line) in row.chunks_exact_mut(count).zip(line.chunks_exact(count)) {
@@ -79,7 +79,7 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// The step from a predicted sample to one of the image.
+/// Final step from a predicted sample to a sample of the image.
 struct Finish {
     point_transform: u8,
     /// Bits of a predicted sample.
@@ -93,7 +93,7 @@ impl Finish {
     /// bits to it as they are: the bits above the precision are then copies of the sign, and fall off here.
     ///
     /// # Errors
-    /// The sample has more bits than the frame header says.
+    /// The sample has more bits than the frame header states.
     #[inline]
     fn sample(&self, predicted: u16) -> Result<u16, CodecError> {
         let above = u32::from(predicted) >> self.bits;
@@ -218,8 +218,8 @@ const FUSED_BITS: u32 = 10;
 
 struct Differences<'t> {
     table: &'t Huffman,
-    /// By the next bits: how many of them hold a code and its difference, and the difference; (0, 0) where
-    /// they do not suffice.
+    /// Indexed by the next bits: length of a code with its difference, and the difference; (0, 0) where more bits are
+    /// needed.
     fused: Box<[(u8, i16); 1 << FUSED_BITS]>,
 }
 

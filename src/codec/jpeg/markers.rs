@@ -26,7 +26,7 @@ pub(super) struct Component {
     pub(super) h: u32,
     /// Samples for each `v_max` rows of the image.
     pub(super) v: u32,
-    /// The slot of its quantisation table.
+    /// Slot of its quantisation table.
     pub(super) steps: usize,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Frame {
     pub(super) precision: u8,
     pub(super) rows: u32,
     pub(super) columns: u32,
-    /// 1 to 4.
+    /// One to four components.
     pub(super) components: Vec<Component>,
     pub(super) h_max: u32,
     pub(super) v_max: u32,
@@ -52,13 +52,13 @@ pub(super) struct ScanComponent {
 
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
-    /// 1 to 4, all different.
+    /// One to four components, all different.
     pub(super) components: Vec<ScanComponent>,
     /// First coefficient of the band; the predictor of a lossless scan.
     pub(super) start: u8,
     /// Last coefficient of the band.
     pub(super) end: u8,
-    /// Bit position of the scan before, for a refinement; else 0.
+    /// Bit position of the previous scan, for a refinement; else 0.
     pub(super) high: u8,
     /// Bit position of this scan; the point transform of a lossless one.
     pub(super) low: u8,
@@ -73,11 +73,11 @@ pub(super) struct Tables {
     pub(super) restart_interval: u32,
 }
 
-/// A segment that the decoder must act upon.
+/// Content of a segment that the decoder must act upon.
 pub(super) enum Event {
     Frame(Frame),
     Scan(Scan),
-    /// The end of the image, and whether a marker says so or only the end of the input.
+    /// End of the image; `marked` if a marker states it, not only the end of the input.
     End {
         marked: bool,
     },
@@ -134,7 +134,7 @@ impl Frame {
         }
         segment.skip()?;
         if let [only] = &mut components[..] {
-            // Its factors say nothing: it is coded row by row of units for all factors (A.2.2).
+            // A single component's factors have no effect: it is coded row by row of units for all factors (A.2.2).
             (only.h, only.v) = (1, 1);
         }
         let h_max = components.iter().map(|c| c.h).max().unwrap_or(1);
@@ -175,7 +175,7 @@ impl Scan {
 }
 
 impl Tables {
-    /// Memory that all of them take together.
+    /// Memory of all tables together.
     pub(super) const MAX_BYTES: u64 = 8 * size_of::<Huffman>() as u64 + 4 * size_of::<Steps>() as u64;
 
     /// Reads segments up to the next one that is more than a table; the first marker may be read already.
@@ -222,7 +222,7 @@ impl Tables {
                 0xD8 => return Err(damaged("another image begins before it is complete")),
                 // Restart markers behind a scan, and TEM, stand alone.
                 0x01 | 0xD0..=0xD7 => continue,
-                // Application data, comments, conditioning of arithmetic coding, a height known already.
+                // Application data, comments, conditioning of arithmetic coding, a height that is already known.
                 0xCC | 0xDC | 0xE0..=0xEF | 0xFE => {
                     bytes.segment()?.skip()?;
                     continue;

@@ -25,7 +25,7 @@ struct Coefficients {
     alone: (u32, u32),
     /// For each coefficient in zigzag order, the lowest bit position decoded.
     seen: [u8; 64],
-    /// Taken when its first scan comes: later ones may change the slot (B.2.4.1).
+    /// Taken at the component's first scan: later segments may change the slot (B.2.4.1).
     steps: Option<Box<Steps>>,
 }
 
@@ -75,8 +75,7 @@ pub(super) fn decode(
         }
         event = tables.next(bytes, marker, Some(frame))?;
     };
-    // An encoder may leave out the finest scans, and then says where the image ends; an image that just
-    // stops lacks something.
+    // An encoder may omit the finest scans if it marks the end of the image; an image without the marker is incomplete.
     if !marked || image.iter().any(|c| c.seen[0] == UNSEEN) {
         return Err(damaged("it ends before its last scan"));
     }
@@ -103,7 +102,7 @@ fn progress(image: &mut [Coefficients], frame: &Frame, scan: &Scan) -> Result<()
     let (start, end) = (usize::from(scan.start), usize::from(scan.end));
     let (start, end, high, low) = match frame.process {
         Process::Progressive => (start, end, scan.high, scan.low),
-        // The header of a sequential scan has nothing to say, and some encoders write zeros.
+        // Some encoders write zeros in the header of a sequential scan, whose fields have no use.
         _ => (0, 63, 0, 0),
     };
     let sequential = frame.process != Process::Progressive;
@@ -153,7 +152,7 @@ impl<'t> Step<'t> {
 /// State that lasts from block to block, up to a restart.
 #[derive(Default)]
 struct Running {
-    /// The DC coefficient before, for each component of the scan.
+    /// Previous DC coefficient, for each component of the scan.
     predicted: [i16; 4],
     /// Blocks that have no more coefficients in this band.
     ended_blocks: u32,
@@ -233,7 +232,7 @@ fn decode_part(
     Ok(())
 }
 
-/// How many blocks, this one included, an end-of-band code of the given class ends (G.1.2.2).
+/// Number of blocks, this one included, that an end-of-band code of the given class ends (G.1.2.2).
 fn ended(bits: &mut Bits<'_, '_>, class: u8) -> Result<u32, CodecError> {
     let extra = bits.number(class.into())?.unsigned_abs();
     Ok((1 << class) + extra)

@@ -82,7 +82,7 @@ pub(super) fn decode_block(
     if at > 64 { Err(too_long()) } else { Ok(block) }
 }
 
-/// A run of zeros leads out of its block.
+/// Error for a run of zeros that leads out of its block.
 pub(super) fn too_long() -> CodecError {
     damaged("a block has more than 64 coefficients")
 }

@@ -15,12 +15,12 @@ struct Plane {
     stride: usize,
 }
 
-/// How the data units of a frame lie (A.1.1, A.2).
+/// Arrangement of the data units of a frame (A.1.1, A.2).
 #[derive(Clone, Copy)]
 pub(super) struct Layout {
     /// MCUs side by side in an interleaved scan.
     pub(super) mcus_x: u32,
-    /// Rows of them.
+    /// Rows of MCUs.
     pub(super) mcus_y: u32,
 }
 
@@ -45,7 +45,7 @@ impl Strip {
         blocks * mcus_x * 128 + u64::from(frame.columns) * frame.components.len() as u64 * 4
     }
 
-    /// Allocates what [`Strip::bytes`] says.
+    /// Allocates the number of bytes that [`Strip::bytes`] gives.
     pub(super) fn new(frame: &Frame) -> Self {
         let mcus_x = Layout::new(frame).mcus_x as usize;
         let plane = |h: u32, v: u32| {

@@ -110,7 +110,7 @@ fn lossless_components_come_together_or_one_by_one() {
 
 #[test]
 fn signed_samples_of_few_bits_lose_the_copies_of_their_sign() {
-    // -1000 in 12 bits, as an encoder sees it that takes 16-bit memory for what it is.
+    // -1000 in 12 bits, as an encoder codes it that reads the 16-bit memory unchanged.
     let image: Vec<u16> = [-1000_i16, -2048, -1, 0, 2047, 1].map(i16::cast_unsigned).to_vec();
     let mut stream = lossless(&image, 3, 1);
     stream.precision = 12;
@@ -139,7 +139,7 @@ fn pixels(image: &Dct) -> Vec<i32> {
     out
 }
 
-/// Factors of the components: grey, grey with idle factors is made elsewhere, colour in several ways.
+/// Sampling factors of the components: grey (idle factors are tested elsewhere), colour in several ways.
 const FACTORS: [&[(usize, usize)]; 6] = [
     &[(1, 1)],
     &[(1, 1), (1, 1), (1, 1)],
@@ -229,7 +229,7 @@ fn progressive_images_come_back_whatever_the_order_of_their_scans() {
         for script in 0..3 {
             let stream = progressive(&image, script).end();
             assert_eq!(samples(&stream), expected, "script {script}");
-            // Complete without its end marker, too.
+            // The stream is also complete without its end marker.
             assert_eq!(samples(&stream[..stream.len() - 2]), expected);
         }
     }
@@ -237,7 +237,7 @@ fn progressive_images_come_back_whatever_the_order_of_their_scans() {
 
 #[test]
 fn long_runs_of_ended_blocks_come_back() {
-    // 1024 blocks of which 10 have something: runs of more than one symbol class, across rows.
+    // 1024 blocks, 10 of them not empty: runs of more than one symbol class, across rows.
     let mut image = Dct::random(1, 8, (256, 256), &[(1, 1)]);
     for (i, block) in image.planes[0].blocks.iter_mut().enumerate() {
         if i % 100 != 99 {
@@ -252,7 +252,7 @@ fn long_runs_of_ended_blocks_come_back() {
 #[test]
 fn scans_out_of_turn_are_damage() {
     let image = Dct::random(1, 8, (20, 20), &[(1, 1)]);
-    /// Band, bit position before, bit position.
+    /// Band, previous bit position, bit position.
     type Step = ((u8, u8), u8, u8);
     let scans: &[&[Step]] = &[
         &[((1, 63), 0, 0)],
@@ -268,7 +268,7 @@ fn scans_out_of_turn_are_damage() {
         }
         assert!(refusal(&out.end()).contains("out of its turn"));
     }
-    // What was never begun is not an image; what was not refined to the end is one if it says that it ends.
+    // A coefficient that no scan began is an error; one not refined to the end is accepted if the end is marked.
     let mut out = image.header(0xC2);
     image.scan(&mut out, &[0], (0, 0), 0, 1);
     let stream = out.end();
@@ -375,7 +375,7 @@ fn victims() -> Vec<Vec<u8>> {
 #[test]
 fn an_image_cut_short_anywhere_is_refused() {
     for (kind, stream) in victims().iter().enumerate() {
-        // The end marker may be missing, and with it nothing.
+        // Only the end marker may be missing.
         for length in 0..stream.len() - 2 {
             let said = refusal(&stream[..length]);
             assert!(said.contains("damaged"), "kind {kind}, {length} bytes: {said}");
@@ -401,7 +401,7 @@ fn changed_bytes_do_no_harm() {
             }
         }
     }
-    // Both happen: a bit of a sample may change without a trace, most of the rest may not.
+    // Both happen: a changed bit of a sample may go unnoticed, most other changes may not.
     println!("{refused} refused, {whole} decoded");
     assert!(refused > whole && whole > 0);
 }

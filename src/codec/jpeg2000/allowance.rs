@@ -2,7 +2,7 @@
 
 use crate::codec::{CodecError, damaged};
 
-/// Counts what is held against what may be held, and work that no byte of the input pays for.
+/// Counts memory against its limit, and work that is not bounded by the bytes of the input.
 pub(super) struct Allowance {
     pub(super) used: u64,
     pub(super) allowed: u64,

@@ -8,13 +8,13 @@ use super::packets::{Block, Tile, segment_capacity, style};
 use super::{ht, wavelet};
 use crate::codec::CodecError;
 
-/// Samples of a code-block at most, by the standard.
+/// Most samples of a code-block, by the standard.
 const MAX_SAMPLES: usize = 4096;
 
 /// Samples with a border of one all around; largest for the longest code-blocks (4 by 1024).
 pub(super) const MAX_BORDERED: usize = (1024 + 2) * (4 + 2);
 
-/// State of a sample: significance of its eight neighbours, sign of four of them, its own.
+/// State of a sample: significance of its eight neighbours, signs of the four direct ones, its own flags.
 pub(super) mod flag {
     pub(in super::super) const NORTH: u16 = 1;
     pub(in super::super) const SOUTH: u16 = 1 << 1;
@@ -33,7 +33,7 @@ pub(super) mod flag {
     pub(in super::super) const VISITED: u16 = 1 << 13;
     pub(in super::super) const REFINED: u16 = 1 << 14;
     pub(in super::super) const NEGATIVE: u16 = 1 << 15;
-    /// Not what lies in the next stripe.
+    /// Mask of the flags outside the next stripe.
     pub(in super::super) const CAUSAL: u16 = !(SOUTH | SOUTH_WEST | SOUTH_EAST | SOUTH << SIGNS);
 }
 
@@ -128,7 +128,7 @@ const fn contribution(flags: usize, neighbour: u16) -> i8 {
 /// Room for one code-block.
 pub(super) struct Scratch {
     flags: Vec<u16>,
-    /// Twice the magnitude, plus one half step where it is not known further.
+    /// Twice the magnitude, plus one half step where lower bits are not decoded.
     values: Vec<u32>,
     /// The bytes of a segment that is in several pieces.
     bytes: Vec<u8>,
@@ -259,7 +259,7 @@ fn append(joined: &mut Vec<u8>, bytes: &[u8], allowance: &mut Allowance) -> Resu
     Ok(())
 }
 
-/// The passes of one segment, the first of them number `done` of the code-block.
+/// Decodes the passes of one segment; the first is pass `done` of the code-block.
 fn decode_segment(
     segment: &[u8],
     style: u8,
@@ -283,7 +283,7 @@ fn decode_segment(
             _ => {
                 samples.cleanup_pass(plane, &mut decoder, contexts);
                 if style & style::SYMBOLS != 0 {
-                    // 1010: a check for those who repair damage.
+                    // 1010: a check symbol that helps to conceal errors.
                     for _ in 0..4 {
                         decoder.decide(contexts, UNIFORM);
                     }
@@ -296,10 +296,10 @@ fn decode_segment(
     }
 }
 
-/// Where decisions come from: arithmetic coding, or raw bits.
+/// Source of decisions: arithmetic coding, or raw bits.
 trait Decisions {
     fn decide(&mut self, context: u8) -> bool;
-    /// Is the sample negative? `context` is of [`SIGN`].
+    /// True for a negative sample. `context` is an entry of [`SIGN`].
     fn negative(&mut self, context: u8) -> bool;
 }
 
@@ -332,7 +332,7 @@ impl Decisions for RawBits<'_> {
 
 /// The samples of a code-block while it is decoded.
 pub(super) struct Samples<'a> {
-    /// With a border of one sample all around.
+    /// Flags with a border of one sample all around.
     pub(super) flags: &'a mut [u16],
     pub(super) values: &'a mut [u32],
     pub(super) width: usize,
@@ -342,7 +342,7 @@ pub(super) struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// Place of a sample among the flags.
+    /// Index of a sample in the flags.
     pub(super) fn place(&self, x: usize, y: usize) -> usize {
         (y + 1) * (self.width + 2) + x + 1
     }
@@ -387,7 +387,7 @@ impl Samples<'_> {
         SIGN[usize::from(seen & 15 | seen >> 4 & 0xF0)]
     }
 
-    /// D.3.1
+    /// The significance propagation pass (D.3.1).
     fn significance_pass(&mut self, plane: u32, decisions: &mut impl Decisions) {
         self.scan(|samples, x, y, place| {
             let seen = samples.seen(place, y);
@@ -403,7 +403,7 @@ impl Samples<'_> {
         });
     }
 
-    /// D.3.3
+    /// The magnitude refinement pass (D.3.3).
     fn refinement_pass(&mut self, plane: u32, decisions: &mut impl Decisions) {
         self.scan(|samples, x, y, place| {
             let seen = samples.seen(place, y);
@@ -422,7 +422,7 @@ impl Samples<'_> {
         });
     }
 
-    /// D.3.4
+    /// The cleanup pass (D.3.4).
     fn cleanup_pass(&mut self, plane: u32, decoder: &mut Decoder<'_>, contexts: &mut Contexts) {
         for stripe in (0..self.height).step_by(4) {
             for x in 0..self.width {

@@ -1,4 +1,4 @@
-//! How a tile divides into resolutions, sub-bands, precincts and code-blocks (ISO/IEC 15444-1 Annex B).
+//! Division of a tile into resolutions, sub-bands, precincts and code-blocks (ISO/IEC 15444-1 Annex B).
 //!
 //! A tile's coefficients lie in the place of its samples, the sub-bands as in Mallat's pyramid:
 //!
@@ -66,11 +66,11 @@ pub(super) enum Orientation {
 
 pub(super) struct Band {
     rect: Rect,
-    /// Where it lies in the tile's area.
+    /// Position in the tile's area.
     left: u32,
     top: u32,
     pub(super) orientation: Orientation,
-    /// Magnitude bit planes, those of the region of interest included.
+    /// Magnitude bit planes, including the region of interest's.
     pub(super) planes: u32,
     /// Quantisation step; 1 where reversible.
     pub(super) step: f32,
@@ -83,7 +83,7 @@ pub(super) struct Resolution {
     pub(super) down: u32,
     pub(super) width_log2: u32,
     pub(super) height_log2: u32,
-    /// Number of the first one of its precincts in the tile.
+    /// Number of its first precinct in the tile.
     pub(super) first_precinct: u32,
     /// Its sub-bands: one at the lowest resolution, three at the others.
     bands: Vec<Band>,
@@ -116,7 +116,7 @@ impl Grid {
         self.across as usize * self.down as usize
     }
 
-    /// Place in the tile's area, width and height of a code-block.
+    /// Position in the tile's area, width and height of a code-block.
     pub(super) fn block(&self, column: u32, row: u32) -> (u32, u32, u16, u16) {
         let side = |first: u32, index: u32, log2: u32, least: u32, most: u32| {
             let start = (first + index) << log2;
@@ -139,7 +139,7 @@ pub(super) struct TileLayout {
     pub(super) rect: Rect,
     pub(super) components: Vec<ComponentLayout>,
     pub(super) precincts: usize,
-    /// Memory of the lists here.
+    /// Memory of the lists of this layout.
     bytes: u64,
 }
 
@@ -308,7 +308,7 @@ impl ComponentLayout {
         } else {
             (ceil_shift(x1.into(), width_log2) - column, ceil_shift(y1.into(), height_log2) - row)
         };
-        // Where the sub-band begins on its own grid, less where it lies in the tile.
+        // Origin of the sub-band on its own grid, less its position in the tile.
         Grid {
             column,
             row,

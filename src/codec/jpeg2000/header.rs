@@ -61,7 +61,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// One marker segment: its marker, its parameters, and where the next one begins.
+/// One marker segment: its marker, its parameters, and the offset of the next segment.
 fn segment(codestream: &[u8], at: usize) -> Result<(u16, Fields<'_>, usize), CodecError> {
     let mut fields = Fields { bytes: codestream.get(at..).unwrap_or_default() };
     let marker = fields.u16()?;
@@ -125,7 +125,7 @@ pub(super) struct ImageSize {
 }
 
 impl ImageSize {
-    /// Parses the start of a codestream; also where the next segment begins.
+    /// Parses the start of a codestream; also returns the offset of the next segment.
     pub(super) fn parse(codestream: &[u8]) -> Result<(Self, usize), CodecError> {
         let (marker, _, at) = segment(codestream, 0)?;
         let (next, mut fields, end) = segment(codestream, at)?;
@@ -140,7 +140,7 @@ impl ImageSize {
         if x1 <= x0 || y1 <= y0 || count == 0 || tile_width == 0 || tile_height == 0 {
             return Err(damaged("the image is empty"));
         }
-        // Sums of places stay within 32 bits so.
+        // Keeps sums of coordinates within 32 bits.
         if x1 > i32::MAX.unsigned_abs() || y1 > i32::MAX.unsigned_abs() {
             return Err(unsupported("a side of more than 2147483647 pixels"));
         }
@@ -196,7 +196,7 @@ impl ImageSize {
     }
 }
 
-/// How one component is coded (COD or COC, QCD or QCC, RGN).
+/// Coding of one component (COD or COC, QCD or QCC, RGN).
 #[derive(Clone)]
 pub(super) struct Coding {
     /// Resolution levels above the lowest.
@@ -302,7 +302,7 @@ pub(super) struct Progression {
     pub(super) components: Range<u8>,
 }
 
-/// All that the main header, or a tile's, says of how to decode.
+/// Decoding parameters of the main header, or of a tile's headers.
 #[derive(Clone)]
 pub(super) struct Parameters {
     order: u8,
@@ -323,7 +323,7 @@ impl Parameters {
         (usize::from(components) * size_of::<Coding>() + progressions + size_of::<Self>()) as u64
     }
 
-    /// Parses the main header from `at`; also where the first tile-part begins.
+    /// Parses the main header from `at`; also returns the offset of the first tile-part.
     pub(super) fn parse_main(
         codestream: &[u8],
         mut at: usize,
@@ -370,7 +370,7 @@ impl Parameters {
         Ok((parameters, at))
     }
 
-    /// These parameters with what the headers of a tile's parts change.
+    /// These parameters, overridden by the headers of a tile's parts.
     pub(super) fn of_tile(
         &self,
         codestream: &[u8],
@@ -475,7 +475,7 @@ impl Parameters {
             }
             POC => self.read_changes(&mut fields)?,
             PPM | PPT => return Err(unsupported("packed packet headers")),
-            // Lengths, comments, capabilities and registration say nothing that decoding needs.
+            // Lengths, comments, capabilities and registration are not needed for decoding.
             _ => {}
         }
         Ok(())
@@ -510,9 +510,9 @@ impl Parameters {
 
 pub(super) struct TilePart {
     tile: u32,
-    /// Where the segments after SOT begin.
+    /// Offset of the segments after SOT.
     header: u32,
-    /// Where the packets begin and end.
+    /// Range of the packets in the codestream.
     pub(super) body: Range<u32>,
 }
 
@@ -532,7 +532,7 @@ impl TileParts {
         let tiles = size.tile_columns() * size.tile_rows();
         let mut parts: Vec<TilePart> = Vec::new();
         let place = |at: usize| u32::try_from(at).map_err(|_| unsupported("a codestream of more than 4 GiB"));
-        // A missing end of codestream is harmless; so is what follows it.
+        // A missing end of codestream is harmless; so are bytes after it.
         while codestream.len().saturating_sub(at) >= 12 {
             let start = at;
             let (marker, mut fields, next) = segment(codestream, at)?;
@@ -558,7 +558,7 @@ impl TileParts {
                 }
                 at = next;
             };
-            // Length 0: up to the end of the codestream. Too long a one is cut: missing packets are noticed.
+            // Length 0: up to the end of the codestream. An excessive length is cut: missing packets are noticed.
             let end = if length == 0 {
                 codestream.len()
             } else {
@@ -578,7 +578,7 @@ impl TileParts {
         Ok(Self { parts })
     }
 
-    /// The parts of one tile; none if it is missing.
+    /// The parts of one tile; empty if it is missing.
     pub(super) fn of(&self, tile: u32) -> &[TilePart] {
         let start = self.parts.partition_point(|part| part.tile < tile);
         let end = self.parts.partition_point(|part| part.tile <= tile);

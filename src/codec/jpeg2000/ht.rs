@@ -73,8 +73,8 @@ impl<'a> Forward<'a> {
     }
 }
 
-/// Bits backwards, least significant first; a byte whose lower seven bits are ones has only those if the
-/// byte after it is more than 0x8F. Zeros past the beginning.
+/// Bits backwards, least significant first; a byte whose lower seven bits are ones has only these seven if the byte
+/// after it is more than 0x8F. Zeros past the beginning.
 struct Backward<'a> {
     bytes: &'a [u8],
     bits: u64,
@@ -102,7 +102,7 @@ impl<'a> Backward<'a> {
         }
     }
 
-    /// The next seven bits, which stay.
+    /// The next seven bits, not consumed.
     fn peek(&mut self) -> usize {
         self.fill(7);
         usize::try_from(self.bits & 0x7F).unwrap_or(0)
@@ -303,7 +303,7 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
                 let [e1, e2] = over.exponents;
                 most[index] = above_left.exponents[1].max(e1).max(e2).max(right.exponents[0]);
                 left = quad.significant;
-                // From here on, only the quad to the right needs what was above this one.
+                // From here on, only the quad to the right needs the quad above this one.
                 above_left = over;
                 quads[index] = quad;
             }

@@ -1,13 +1,13 @@
 //! Variable-length codes of quads (ISO/IEC 15444-15, Annex C).
 //!
-//! A code is written in 28 bits: four of its context, eight of the code (first bit lowest), and sixteen
-//! of what it means: four of which samples' exponents are known, four of what they are, four of which
-//! samples are significant, one whether an exponent difference follows, three of the code's length.
+//! A code is written in 28 bits: four of its context, eight of the code (first bit lowest), and sixteen of its meaning:
+//! a mask of the samples whose exponents are known, four bits of these exponents, a mask of the significant samples,
+//! one bit set if an exponent difference follows, three bits of the code's length.
 
 /// Meaning by context and next seven bits, for the first row of quads of a code-block.
 pub(super) static FIRST_ROW: [u16; 1024] = expand(&FIRST_CODES);
 
-/// The same for all other rows.
+/// Meaning by context and next seven bits, for all other rows of quads.
 pub(super) static OTHER_ROWS: [u16; 1024] = expand(&OTHER_CODES);
 
 const fn expand(codes: &[u32]) -> [u16; 1024] {

@@ -1,4 +1,4 @@
-//! Limits that several parts know.
+//! Limits shared by several parts.
 
 /// Magnitude bit planes of a coefficient: one more bit holds the half for the middle of an interval, and
 /// one the sign.

@@ -61,8 +61,8 @@ const SMALL_LISTS: u64 = 4096;
 
 /// Decodes one frame of `compressed_bytes` bytes, holding at most `memory_bytes`.
 ///
-/// Samples are what the codestream holds: of its own precision and sign. Reversibly coded frames are
-/// exact; irreversible ones may differ by one unit from other decoders, as the standard allows.
+/// Samples are of the precision and sign of the codestream. Reversibly coded frames are exact; irreversible ones may
+/// differ by one unit from other decoders, as the standard allows.
 ///
 /// # Errors
 /// The codestream is damaged or ends early, is of a kind named in the module's text, needs more memory

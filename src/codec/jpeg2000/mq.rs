@@ -125,8 +125,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Bits as they are, most significant first; a byte after 0xFF has seven. Ones past the end, where
-/// encoders leave them out.
+/// Raw bits, most significant first; a byte after 0xFF has seven. Ones past the end, where encoders leave them out.
 pub(super) struct RawBits<'a> {
     bytes: &'a [u8],
     at: usize,

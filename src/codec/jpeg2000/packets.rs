@@ -1,4 +1,4 @@
-//! Packets (ISO/IEC 15444-1 B.9 to B.12): which bytes belong to which code-block.
+//! Packets (ISO/IEC 15444-1 B.9 to B.12): the bytes of each code-block.
 
 use std::ops::ControlFlow;
 
@@ -25,7 +25,7 @@ pub(super) mod style {
     pub(in super::super) const HIGH_THROUGHPUT: u8 = 64;
 }
 
-/// No piece, in a list of them.
+/// End of a list of pieces.
 const NONE: u32 = u32::MAX;
 
 /// Part of a segment of a code-block: some of its bytes.
@@ -38,7 +38,7 @@ struct Piece {
 
 #[derive(Clone)]
 pub(super) struct Block {
-    /// Place in the tile's area.
+    /// Position in the tile's area.
     pub(super) x: u32,
     pub(super) y: u32,
     pub(super) width: u16,
@@ -47,7 +47,7 @@ pub(super) struct Block {
     pub(super) passes: u8,
     /// Bit planes that are zero, from the top.
     pub(super) zero_planes: u8,
-    /// Bits of a length, less those for its passes.
+    /// Bits of a length field, without the bits that its number of passes adds.
     length_bits: u8,
     /// Passes in the segment that is being filled.
     segment_passes: u8,
@@ -97,7 +97,7 @@ fn number(count: usize) -> Result<u32, CodecError> {
 }
 
 impl Tile {
-    /// Prepares all code-blocks; they are counted, and the count is held against the allowance, first.
+    /// Prepares all code-blocks, after their number is checked against the allowance.
     pub(super) fn new(layout: TileLayout, allowance: &mut Allowance) -> Result<Self, CodecError> {
         let (mut groups, mut blocks, mut nodes) = (0usize, 0usize, 0usize);
         // Each precinct has a sample of the image at least, and each code-block one of a sub-band.
@@ -150,7 +150,7 @@ impl Tile {
         Ok(tile)
     }
 
-    /// Gives back what the tile took.
+    /// Returns the tile's memory to the allowance.
     pub(super) fn release(self, allowance: &mut Allowance) {
         self.layout.release(allowance);
         allowance.drop_list(self.layers);
@@ -219,7 +219,7 @@ fn each_grid(
     Ok(())
 }
 
-/// Passes that the segment may hold which starts after `passes` passes (Table D.9; 15444-15, 7.2).
+/// Most passes of a segment that starts after `passes` passes (Table D.9; 15444-15, 7.2).
 pub(super) fn segment_capacity(style: u8, passes: u8) -> u8 {
     if style & style::HIGH_THROUGHPUT != 0 {
         if passes == 0 { 1 } else { u8::MAX }
@@ -263,7 +263,7 @@ impl HeaderBits<'_> {
         Ok(value)
     }
 
-    /// Where the header ends: a last byte 0xFF has its stuffed bit in one more.
+    /// Offset of the header's end: a last byte 0xFF has its stuffed bit in one more byte.
     fn end(&self) -> usize {
         self.at + usize::from(self.current == 0xFF)
     }
@@ -315,7 +315,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Reads one packet, unless an earlier progression had it.
+    /// Reads one packet, unless an earlier progression has read it.
     pub(super) fn packet(
         &mut self,
         tile: &mut Tile,
@@ -326,7 +326,7 @@ impl Reader<'_> {
         let level = tile.layout.resolution(at);
         let precinct_number = (level.first_precinct + precinct) as usize;
         if tile.layers[precinct_number] != layer {
-            // Read already; or, in a damaged stream, out of order: then packets will be missing at the end.
+            // Read already, or out of order in a damaged stream: then packets will be missing at the end.
             return Ok(());
         }
         while self.at == self.end {
@@ -358,7 +358,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Which code-blocks a packet holds, and how many bytes of each (B.10).
+    /// Reads the header of a packet: the code-blocks that it holds, and their numbers of bytes (B.10).
     fn header(
         &mut self,
         bits: &mut HeaderBits<'_>,
@@ -431,7 +431,7 @@ impl Reader<'_> {
     }
 }
 
-/// Calls `step` with each node from the root to a leaf; stops where it says so.
+/// Calls `step` with each node from the root to a leaf, until it breaks.
 fn descend<B>(
     nodes: &mut [Node],
     grid: &Grid,
@@ -459,7 +459,7 @@ fn descend<B>(
     Ok(None)
 }
 
-/// Does a code-block first appear in this layer? It is known not to have appeared before.
+/// True if a code-block first appears in this layer. It must not have appeared before.
 fn included(
     bits: &mut HeaderBits<'_>,
     nodes: &mut [Node],
@@ -470,7 +470,7 @@ fn included(
 ) -> Result<bool, CodecError> {
     let mut least = 0;
     let excluded = descend(nodes, grid, column, row, |node| {
-        // Every layer below `node.layer` is excluded for all that is under the node.
+        // All code-blocks under the node are excluded from every layer below `node.layer`.
         node.layer = node.layer.max(least);
         while !node.layer_known && node.layer <= layer {
             if bits.bit()? == 1 {

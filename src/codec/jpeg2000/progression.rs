@@ -10,7 +10,7 @@ pub(super) fn walk(
     progression: &Progression,
     reader: &mut Reader<'_>,
 ) -> Result<(), CodecError> {
-    // What has no precincts is passed over once, not in every layer.
+    // Resolutions without precincts are skipped once, not in every layer.
     let mut present: Vec<(u8, u8)> = Vec::new();
     let components = usize::from(progression.components.start)..usize::from(progression.components.end);
     for component in components {

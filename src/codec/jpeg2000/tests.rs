@@ -77,7 +77,7 @@ fn too_little_memory_is_said_and_what_is_asked_for_suffices() {
         while let Err(error) = try_decode(stream, allowed) {
             let CodecError::Memory { needed_bytes, allowed_bytes } = error else { panic!("{error}") };
             assert!(allowed_bytes == allowed && needed_bytes > allowed, "{needed_bytes} {allowed_bytes}");
-            // Refused before it is taken, so a small frame never asks for much.
+            // Refused before it is allocated, so a small frame never asks for much.
             assert!(needed_bytes < 100_000, "{needed_bytes}");
             (allowed, refusals) = (needed_bytes, refusals + 1);
         }
@@ -109,7 +109,7 @@ fn empty_packets_are_grey_and_missing_ones_are_damage() {
 
 #[test]
 fn packets_that_pass_over_everything_are_refused_in_time() {
-    // 65535 layers, in each of which two bits exclude all 65536 code-blocks: four thousand million visits.
+    // 65535 layers, each with two bits that exclude all 65536 code-blocks: four thousand million visits.
     let stream = plain_stream(1024, 1024, 65535, &[(0, vec![0x80; 65535])]);
     let error = try_decode(&stream, 64 << 20).expect_err("it leads nowhere");
     assert!(matches!(error, CodecError::Damaged(_)), "{error}");
@@ -123,7 +123,7 @@ fn vast_sizes_are_refused_before_anything_is_taken() {
     assert!(matches!(result, Err(CodecError::Memory { .. })));
 }
 
-/// Decodes what must neither panic nor hang nor report more rows than there are; counts the refused.
+/// Decodes a stream that must not panic, hang or report more rows than there are; 1 if it is refused.
 fn refused(bytes: &[u8]) -> usize {
     usize::from(try_decode(bytes, 4 << 20).is_err())
 }
@@ -131,7 +131,7 @@ fn refused(bytes: &[u8]) -> usize {
 #[test]
 fn cut_streams_are_damage() {
     for stream in [EVERYTHING, IRREVERSIBLE, HIGH_THROUGHPUT, THREE_PASSES] {
-        // Without the marker at the end all is still there.
+        // Only the end marker may be missing.
         assert_eq!((0..stream.len() - 2).map(|end| refused(&stream[..end])).sum::<usize>(), stream.len() - 2);
         assert_eq!(refused(&stream[..stream.len() - 2]), 0);
     }

@@ -4,7 +4,7 @@ use super::allowance::Allowance;
 use super::geometry::TileLayout;
 use crate::codec::CodecError;
 
-/// Columns transformed together: a cache line's half.
+/// Columns transformed together: half a cache line.
 const LANES: usize = 8;
 
 /// Lifting coefficients and scale of the 9/7 filter (Table F.4).
@@ -51,7 +51,7 @@ pub(super) fn invert(
             continue;
         }
         let (odd_x, odd_y) = ((level.rect.x0 & 1) as usize, (level.rect.y0 & 1) as usize);
-        // Low coefficients are those at even places of the whole grid.
+        // Low coefficients are at even places of the whole grid.
         let low = (width + 1 - odd_x) / 2;
         let line = &mut scratch.row[..width];
         for row in samples.chunks_mut(stride).take(height) {
@@ -79,7 +79,7 @@ pub(super) fn invert(
     }
 }
 
-/// Puts the low coefficients, which come first, and the high ones in turns.
+/// Interleaves the low coefficients, which come first, with the high ones.
 fn interleave<const N: usize>(
     line: &mut [[i32; N]],
     odd: usize,

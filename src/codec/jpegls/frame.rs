@@ -1,10 +1,10 @@
-//! Marker segments before a scan: the frame, its preset parameters, and which components a scan holds.
+//! Marker segments before a scan: the frame, its preset parameters, and the components of each scan.
 
 use super::parameters::Preset;
 use super::stream::Stream;
 use crate::codec::{CodecError, damaged, unsupported};
 
-/// Components that are decoded at most.
+/// Most components that are decoded.
 pub(super) const MAX_COMPONENTS: usize = 4;
 
 /// Start of the image.
@@ -24,7 +24,7 @@ const LSE: u8 = 0xF8;
 /// The application segment that vendors keep colour transforms in.
 const APP8: u8 = 0xE8;
 
-/// How the components of a scan are mixed.
+/// Interleave mode of a scan's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Interleave {
     /// One component, or one line of each component in turn.
@@ -54,13 +54,13 @@ pub(super) struct Scan {
 pub(super) struct Header {
     pub(super) frame: Option<Frame>,
     pub(super) preset: Preset,
-    /// Lines between restart markers; 0 where there are none.
+    /// Lines between restart markers; 0 without restart markers.
     pub(super) restart_lines: u32,
     /// Columns and rows too large for the frame header.
     oversize: Option<(u32, u32)>,
 }
 
-/// The marker segment that is being read: how many of its bytes are left.
+/// The marker segment that is being read, with the number of its bytes left.
 struct Segment<'s, 'a> {
     stream: &'s mut Stream<'a>,
     left: u32,
@@ -129,7 +129,7 @@ impl Header {
         }
     }
 
-    /// SOF55 (T.87 section C.2.2).
+    /// Reads SOF55 (T.87 section C.2.2).
     fn frame(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
         if self.frame.is_some() {
             return Err(damaged("it has two frame headers"));
@@ -153,7 +153,7 @@ impl Header {
             let identifier = segment.byte()?;
             let sampling = segment.byte()?;
             segment.byte()?;
-            // With one component its sampling factors mean nothing.
+            // The sampling factors of a single component have no effect.
             if count > 1 && sampling != 0x11 {
                 return Err(unsupported("components of different sizes"));
             }
@@ -167,7 +167,7 @@ impl Header {
         Ok(())
     }
 
-    /// LSE (T.87 section C.2.4).
+    /// Reads LSE (T.87 section C.2.4).
     fn preset(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
         let mut segment = Segment::begin(stream, "preset parameters")?;
         match segment.byte()? {
@@ -192,7 +192,7 @@ impl Header {
         segment.end()
     }
 
-    /// SOS (T.87 section C.2.3).
+    /// Reads SOS (T.87 section C.2.3).
     fn scan(&mut self, stream: &mut Stream<'_>) -> Result<Scan, CodecError> {
         let Some(frame) = &mut self.frame else { return Err(damaged("its scan has no frame header")) };
         let mut segment = Segment::begin(stream, "the scan")?;

@@ -5,8 +5,8 @@
 //! are mapping tables, point transforms, subsampled components, colour transforms of vendors, a height that
 //! comes after the image, and part 2 of the standard.
 //!
-//! Overview: `stream` reads bytes and coded bits, `frame` the marker segments, `parameters` what they imply;
-//! `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
+//! Overview: `stream` reads bytes and coded bits, `frame` the marker segments, `parameters` derives the coding
+//! parameters; `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
 
 #[cfg(test)]
 #[path = "../../../tests/it/common/codec/jpegls.rs"]
@@ -31,7 +31,7 @@ use parameters::Parameters;
 use scan::{Coder, Lines, line_bytes};
 use stream::Stream;
 
-/// The read buffer, the contexts of a scan, and small change.
+/// The read buffer, the contexts of a scan, and small lists.
 const FIXED_BYTES: u64 = 16 << 10;
 
 /// Decodes one JPEG-LS image; samples are unsigned.
@@ -82,7 +82,7 @@ struct Image {
     frame: Frame,
     columns: usize,
     memory_bytes: u64,
-    /// The samples of components whose scan came, while others are to come.
+    /// Samples of the components that are decoded, while others are to come.
     planes: Vec<Option<Vec<u16>>>,
 }
 
@@ -158,7 +158,7 @@ impl Image {
         Ok(last)
     }
 
-    /// Puts the samples of row `y` side by side: those of the scan from its lines, the others as held.
+    /// Puts the samples of row `y` side by side: the scan's from its lines, the others from the held planes.
     fn join(&self, y: u32, scan: &Scan, lines: &[Lines], row: &mut [i32]) {
         let count = self.planes.len();
         for (component, plane) in self.planes.iter().enumerate() {
@@ -179,7 +179,7 @@ impl Image {
 
 /// Passes the restart marker before interval `interval`, counted from 0.
 fn restart(stream: &mut Stream<'_>, interval: u32) -> Result<(), CodecError> {
-    // RST0 comes before the second interval, and their numbers go round.
+    // RST0 comes before the second interval; the numbers wrap after RST7.
     let expected = 0xD0 | u8::try_from((interval - 1) % 8).unwrap_or_default();
     let code = stream.end_bits()?;
     if code != expected {

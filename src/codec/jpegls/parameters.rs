@@ -1,4 +1,4 @@
-//! The coding parameters of a scan: what the stream states, what it leaves to the defaults, and what follows.
+//! The coding parameters of a scan: stated values, defaults, and values derived from them.
 
 use crate::codec::{CodecError, damaged};
 
@@ -10,18 +10,18 @@ pub(super) struct Preset {
     pub(super) reset: u32,
 }
 
-/// The parameters of decoding a scan; names in brackets are those of T.87.
+/// The parameters of decoding a scan, with the names of T.87 in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parameters {
     /// The largest sample (MAXVAL), at most 65535.
     pub(super) maximum: i32,
-    /// The largest difference from the original (NEAR), 0 where nothing is lost.
+    /// The largest difference from the original (NEAR), 0 for lossless.
     pub(super) near: i32,
-    /// Gradients from which on the next class begins (T1, T2, T3).
+    /// Gradients at which the next class begins (T1, T2, T3).
     pub(super) thresholds: [i32; 3],
     /// Samples after which a context is halved (RESET).
     pub(super) reset: u32,
-    /// How many values a prediction error has (RANGE).
+    /// Number of values of a prediction error (RANGE).
     pub(super) range: i32,
     /// Bits of a prediction error (qbpp).
     pub(super) error_bits: u32,
@@ -30,7 +30,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Joins what the stream states with the defaults (T.87 sections A.2.1, C.2.4.1.1).
+    /// Joins the stated values with the defaults (T.87 sections A.2.1, C.2.4.1.1).
     pub(super) fn new(precision: u8, near: u8, preset: &Preset) -> Result<Parameters, CodecError> {
         let wrong = |parameter, value: u32| {
             Err(damaged(format!("{parameter} {value} is not possible at {precision} bits")))

@@ -7,7 +7,7 @@ use crate::codec::{CodecError, damaged};
 /// Contexts of gradients; the quantised gradients of a sample and their negation share one.
 const REGULAR_CONTEXTS: usize = (9 * 9 * 9 - 1) / 2 + 1;
 
-/// The logarithm of the length of a run segment, by how the runs before went (J of T.87 section A.2.1).
+/// Log2 of the length of a run segment, indexed by the state of the runs before (J of T.87 section A.2.1).
 pub(super) const RUN_ORDERS: [u8; 32] =
     [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
@@ -33,11 +33,11 @@ struct RunContext {
     negative: u32,
 }
 
-/// Two lines of one component, each with the sample left of it and the one right of it.
+/// Two lines of one component, each with a sample added at either end.
 pub(super) struct Lines {
     above: Vec<u16>,
     current: Vec<u16>,
-    /// The quantised difference of each sample above and the one left of it.
+    /// Quantised difference between each sample above and its left neighbour.
     steps: Vec<i8>,
     run_index: usize,
 }
@@ -61,7 +61,7 @@ impl Lines {
         &self.current[1..self.current.len() - 1]
     }
 
-    /// As new: zeros above, and runs unknown.
+    /// Back to the initial state: zeros above, and no runs counted.
     fn reset(&mut self) {
         self.above.fill(0);
         self.current.fill(0);
@@ -72,7 +72,7 @@ impl Lines {
 pub(super) struct Coder {
     parameters: Parameters,
     contexts: Box<[Context; REGULAR_CONTEXTS]>,
-    /// The end of a run between unlike neighbours, and between like ones.
+    /// Contexts of the end of a run: between unlike neighbours, and between like ones.
     run_contexts: [RunContext; 2],
 }
 
@@ -120,7 +120,7 @@ impl Coder {
     fn turn(&self, lines: &mut Lines) {
         std::mem::swap(&mut lines.above, &mut lines.current);
         let last = lines.above.len() - 1;
-        // Left of the line above stays what was left of it when it was decoded.
+        // The sample left of the line above keeps its value from when that line was decoded.
         lines.above[last] = lines.above[last - 1];
         lines.current[0] = lines.above[1];
         for (step, pair) in lines.steps.iter_mut().zip(lines.above.windows(2)) {
@@ -171,7 +171,7 @@ impl Coder {
         lines: &mut [Lines],
     ) -> Result<(), CodecError> {
         let parameters = self.parameters;
-        // Runs are of whole pixels: the first component keeps count for all.
+        // Runs are of whole pixels: the first component holds the run index of all.
         let Some(mut run_index) = lines.first().map(|first| first.run_index) else { return Ok(()) };
         let columns = lines.first().map_or(0, |first| first.steps.len() - 1);
         let mut x = 1;
@@ -198,7 +198,7 @@ impl Coder {
             if x <= columns {
                 for component in &mut *lines {
                     let (left, up) = (component.current[x - 1], component.above[x]);
-                    // Like neighbours have no context of their own here.
+                    // Like neighbours have no separate context in this mode.
                     let error = self.run_end(stream, false, RUN_ORDERS[run_index])?;
                     let error = if left > up { -error } else { error };
                     component.current[x] = reconstruct::<LOSSLESS>(&parameters, i32::from(up), error);
@@ -233,7 +233,7 @@ impl Coder {
         if LOSSLESS && k == 0 && 2 * state.bias <= -state.count.cast_signed() {
             error = !error;
         }
-        // Section A.6.1 and A.6.2.
+        // Sections A.6.1 and A.6.2.
         state.bias += if LOSSLESS { error } else { error * (2 * parameters.near + 1) };
         state.magnitude += error.unsigned_abs();
         if state.count == parameters.reset {
@@ -324,10 +324,10 @@ fn golomb_order(count: u32, magnitude: u32) -> u32 {
     k + u32::from(u64::from(count) << k < u64::from(magnitude))
 }
 
-/// A code value that an encoder can have written.
+/// Checks that an encoder can have written a code value.
 ///
-/// Errors are reduced to RANGE values before they are folded, so none needs more; this bounds every sum of
-/// the contexts.
+/// Errors are reduced to RANGE values before they are folded, so valid codes are below it; this bounds every sum of the
+/// contexts.
 #[inline]
 fn checked(parameters: &Parameters, code: u64) -> Result<i32, CodecError> {
     match i32::try_from(code) {

@@ -7,14 +7,13 @@ use crate::codec::{CodecError, damaged};
 
 /// A codestream that is read front to back through a small buffer.
 ///
-/// Coded data pass a window of 64 bits. After a byte 0xFF the encoder put one zero bit that is not data, so
-/// that 0xFF with a byte of 0x80 and more is a marker and nothing else (T.87 section A.1); the window never
-/// reads past it.
+/// Coded data pass a window of 64 bits. After a byte 0xFF the encoder put one zero bit that is not data, so that 0xFF
+/// with a byte of 0x80 and more is always a marker (T.87 section A.1); the window never reads past it.
 pub(super) struct Stream<'a> {
     bytes: Bytes<'a>,
     /// Coded bits not taken yet, the next one on top; zeros below `bits`.
     window: u64,
-    /// How many bits of the window are data.
+    /// Number of data bits in the window.
     bits: u32,
     /// The code of the marker that ended the coded data.
     marker: Option<u8>,
@@ -58,7 +57,7 @@ impl<'a> Stream<'a> {
         self.marker = None;
     }
 
-    /// Drops what is left of the coded data, and gives the code of the marker behind them.
+    /// Drops the rest of the coded data, and returns the code of the marker behind them.
     pub(super) fn end_bits(&mut self) -> Result<u8, CodecError> {
         loop {
             if let Some(code) = self.marker {
@@ -99,7 +98,7 @@ impl<'a> Stream<'a> {
         Ok(())
     }
 
-    /// Puts `width` bits below those of the window, which has room for them.
+    /// Puts `width` bits below the bits of the window, which has room for them.
     fn push(&mut self, byte: u8, width: u32) {
         self.window |= u64::from(byte) << (64 - width - self.bits);
         self.bits += width;
@@ -194,7 +193,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// The input or the coded data end before the image does.
+/// Error for input or coded data that end before the image does.
 pub(super) fn ends_early() -> CodecError {
     damaged("it ends early")
 }

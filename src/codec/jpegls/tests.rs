@@ -44,7 +44,7 @@ fn plane(random: &mut Random, kind: u64, columns: usize, rows: usize, most: u64)
         .collect()
 }
 
-/// Encodes, decodes through reads of odd lengths, and compares; gives the stream.
+/// Encodes, decodes through reads of odd lengths, and compares; returns the stream.
 fn round_trip(options: &Options, random: &mut Random) -> Vec<u8> {
     let most = match options.preset {
         Some(Preset { maximum, .. }) if maximum > 0 => u64::from(maximum),
@@ -227,7 +227,7 @@ fn every_truncation_is_an_error() {
             match decoded(&stream[..length]) {
                 Err(CodecError::Damaged(_)) => {}
                 Err(other) => panic!("{length}: {other}"),
-                // Padding in the last byte is not missed.
+                // Cutting the padding in the last byte does no harm.
                 Ok(kept) => assert!(length + 4 > stream.len() && kept.rows == whole, "{length}"),
             }
         }

@@ -1,6 +1,6 @@
 //! Triangles in memory: polyhedra, prisms, facetted spheres, boxes at an angle.
 //!
-//! As meshes are: rows cross triangles in whole numbers, voxel middles moved by (-e, e^2, e^3).
+//! Exact like meshes: rows cross triangles in whole numbers, voxel middles moved by (-e, e^2, e^3).
 
 use super::near::Near;
 use super::{Face, Rows};
@@ -14,7 +14,7 @@ use crate::mesh::{
     Census, Closed, Crossings, Facet, Nearest, Rule, STEPS, Triangle, cross_slice, smallest_first, span,
 };
 
-/// How far from a voxel its nearest triangle is sought, squared: two voxels.
+/// Squared distance from a voxel within which its nearest triangle is sought: two voxels.
 const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
 
 /// Fewest triangles of a body that goes through bins.
@@ -32,7 +32,7 @@ pub(in crate::csg) struct Body {
 /// The rule of a closed surface.
 ///
 /// # Errors
-/// It is open.
+/// The surface is open.
 fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, Fault> {
     match census.closed() {
         Closed::No => Err(bad!(
@@ -46,7 +46,7 @@ fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, Fault> {
 
 impl Body {
     /// # Errors
-    /// It is open, or reaches beyond the lattice.
+    /// The surface is open, or reaches beyond the lattice.
     pub(in crate::csg) fn new(faces: &Faces, to_lattice: &Affine, line: u64) -> Result<Self, Fault> {
         let mut points = Vec::with_capacity(faces.points.len());
         for p in &faces.points {
@@ -58,7 +58,7 @@ impl Body {
     /// The triangles of faces whose corners have been placed.
     ///
     /// # Errors
-    /// It is open, or reaches beyond the lattice.
+    /// The surface is open, or reaches beyond the lattice.
     pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, Fault> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
         let mut placed = Vec::with_capacity(points.len());
@@ -102,7 +102,7 @@ impl Body {
         });
     }
 
-    /// True where it may go through the bins of a mesh.
+    /// True if it may go through the bins of a mesh.
     pub(in crate::csg) fn is_large(&self) -> bool {
         self.triangles.len() >= BINNED
     }
@@ -126,7 +126,7 @@ impl Body {
             return Cover::Outside;
         }
         let mut meets = false;
-        // A shift that is smaller than a step breaks ties.
+        // The shift of a middle that lies on a surface may lead a step further.
         let around = middles.map(|(low, high)| (low - 1, high + 1));
         self.near.each(&self.triangles, around, |t| meets = meets || may_meet(t, &middles));
         if meets {
@@ -179,12 +179,12 @@ impl Body {
             return None;
         }
         let towards = best.normal.map(f64::from);
-        // From a voxel outside it the way to the triangle leads inwards.
+        // From a voxel outside, the way to the triangle leads inwards.
         let outwards = if is_inside { towards } else { towards.map(|c| -c) };
         Some(Face { outwards, distance: best.distance() })
     }
 
-    /// The face between two neighbours along an axis, and how far its plane is from the first.
+    /// The face between two neighbours along an axis, and the distance of its plane from the first.
     fn crossed(&self, voxel: [i32; 3], beside: [i32; 3]) -> Option<Face> {
         let mut differ = (0..3).filter(|k| voxel[*k] != beside[*k]);
         let (axis, None) = (differ.next()?, differ.next()) else { return None };
@@ -197,19 +197,19 @@ impl Body {
     }
 }
 
-/// Lie the middles of a slice between the ends of a triangle?
+/// True if the middles of a slice lie between the ends of a triangle.
 #[inline]
 fn is_met(t: &Triangle, z: i32) -> bool {
     let (low, high) = span(t, 2);
     (i64::from(low)..=i64::from(high)).contains(&centre(z))
 }
 
-/// May a triangle meet a box? Always right where it says no.
+/// True if a triangle may meet a box; false only if it does not.
 #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
 fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
     let beyond = |k: usize| {
         let (low, high) = span(t, k);
-        // A shift that is smaller than a step breaks ties.
+        // The shift of a middle that lies on a surface may lead a step further.
         i64::from(low) > region[k].1 + 1 || i64::from(high) < region[k].0 - 1
     };
     if (0..3).any(beyond) {

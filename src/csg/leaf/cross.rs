@@ -1,4 +1,4 @@
-//! Where leaves are crossed between two neighbouring middles, and which way they face there.
+//! Crossings of leaves between two neighbouring middles, and the normals there.
 
 use super::{Body, Leaf};
 use crate::builder::{CellEdges, EdgeCrossing};
@@ -6,10 +6,10 @@ use crate::csg::place::centre;
 use crate::mesh::{STEPS, cross_edges};
 
 impl Leaf {
-    /// Where the edge from a voxel's middle to the next one's along an axis is crossed, of a leaf that holds one of them;
-    /// `None` where it is not found, and of leaves that are sampled.
+    /// The crossing of the edge from a voxel's middle to the next one's along an axis, for a leaf that holds one of
+    /// them; `None` where it is not found, and for sampled leaves.
     ///
-    /// To half a lattice step, by the same whole numbers that decide about middles.
+    /// Exact to half a lattice step, by the same whole numbers that decide about middles.
     pub(in crate::csg) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
         let from = low.map(centre);
         let at = |steps: i64| {
@@ -51,7 +51,8 @@ impl Leaf {
     }
 }
 
-/// The crossing of a body that is next to its outside end; of a large one as cells keep it, which may have it from bins.
+/// The crossing of a body that is next to its outside end; for a large body the one that cells keep, which may come
+/// from bins.
 pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
     let mut high = low;
     high[axis] += 1;

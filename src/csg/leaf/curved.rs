@@ -9,9 +9,9 @@
 //! | cylinder, cone | `u1^2 + u2^2 <= w(u3)^2`, `0 <= u3 <= 1`, `w = r0 + u3 (r1 - r0)` | `(S q1)^2 + (S q2)^2 <= (D R0 + q3 (R1 - R0))^2`, radii being R / S |
 //! | torus | `(sqrt(u1^2 + u2^2) - 1)^2 + u3^2 <= r^2` | on u rounded to 1 / F, squared once |
 //!
-//! Squares have up to 226 bits. They are only asked for where double precision leaves doubt: each leaf has a
-//! function g of u, below 0 inside, that nowhere changes faster than u does (times two for a cylinder), so that one
-//! value of g decides for a whole box or for part of a row. Middles on the surface are moved, as those of all leaves.
+//! Squares have up to 226 bits. They are computed only where double precision leaves doubt: each leaf has a function g
+//! of u, below 0 inside, that nowhere changes faster than u does (times two for a cylinder), so that one value of g
+//! decides for a whole box or for part of a row. Middles on the surface are moved, as for all leaves.
 
 use std::cmp::Ordering;
 
@@ -22,19 +22,19 @@ use crate::csg::wide::{square, sum};
 use crate::geom::dot;
 use crate::mesh::STEPS;
 
-/// Parts of a ratio of radii.
+/// Units of a ratio of radii.
 pub(in crate::csg) const RATIO: i64 = 1 << 20;
-/// Parts of a torus' major radius.
+/// Units of a torus' major radius.
 const FIXED: i128 = 1 << 26;
-/// Lattice steps that a voxel of any grid is away from the corner, at most, and a frame's middle.
+/// Greatest distance of a voxel of any grid from a frame's middle, in lattice steps: both from the corner, added.
 const REACH: f64 = 2.7e8 + 5.4e8;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::csg) enum Round {
     Ellipsoid,
-    /// Radii at u3 = 0 and 1, of which the larger is [`RATIO`].
+    /// Radii at u3 = 0 and 1; the larger one is [`RATIO`].
     Cylinder([i64; 2]),
-    /// Radius of the tube, in parts of 2^26 of the major one.
+    /// Radius of the tube, in units of 2^-26 of the major one.
     Torus(i64),
 }
 
@@ -43,11 +43,11 @@ pub(in crate::csg) struct Curved {
     middle: [i64; 3],
     axes: [[i64; 3]; 3],
     round: Round,
-    /// Lattice steps to u.
+    /// Matrix from lattice steps to u.
     inverse: [[f64; 3]; 3],
-    /// Where |g| is below this it says nothing.
+    /// Bound of |g| below which its sign is uncertain.
     unsure: f64,
-    /// Change of g along a row, from voxel to voxel, at most.
+    /// Greatest change of g from voxel to voxel along a row.
     along: f64,
 }
 
@@ -88,7 +88,7 @@ impl Curved {
         Some(Self { middle, axes, round, inverse, unsure, along })
     }
 
-    /// A box around it.
+    /// Bounding box.
     pub(super) fn bounds(&self) -> [[i64; 3]; 2] {
         let [a, b, c] = self.axes.map(|axis| axis.map(i64::abs));
         let low_high: [(i64, i64); 3] = std::array::from_fn(|k| match self.round {
@@ -119,7 +119,7 @@ impl Curved {
         self.inverse.map(|row| dot(row, d))
     }
 
-    /// Below 0 inside, above outside.
+    /// Value of g: below 0 inside, above outside.
     #[inline]
     fn distance(&self, u: [f64; 3]) -> f64 {
         let radial = (u[0] * u[0] + u[1] * u[1]).sqrt();
@@ -179,7 +179,7 @@ impl Curved {
         if g.abs() > self.unsure { g < 0.0 } else { self.decide(p) }
     }
 
-    /// By the definition; a middle on the surface by where it is moved.
+    /// Decides by the definition; a middle on the surface by its move.
     fn decide(&self, p: [i64; 3]) -> bool {
         let d: [i128; 3] = std::array::from_fn(|k| i128::from(p[k] - self.middle[k]));
         let (adjugate, whole) = adjugate(&self.axes);
@@ -198,11 +198,11 @@ impl Curved {
                     0.cmp(&q[2]),
                     q[2].cmp(&whole),
                 ];
-                // Where it lies on several parts it is inside if it is of each.
+                // A point on several parts is inside if each part says so.
                 return sides.into_iter().enumerate().all(|(part, side)| self.is_within(side, part, p));
             }
             Round::Torus(tube) => {
-                // Tubes have 16 major radii at most: beyond 18 there is nothing, and nothing overflows.
+                // Tubes have 16 major radii at most: points beyond 18 are outside, and nothing overflows.
                 if q.iter().any(|c| c.abs() > 18 * whole) {
                     return false;
                 }
@@ -215,7 +215,7 @@ impl Curved {
         self.is_within(side, part, p)
     }
 
-    /// Is a point on this side of a part of the surface inside of it?
+    /// True if a point on this side of a part of the surface is inside of it.
     #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
     fn is_within(&self, side: Ordering, part: usize, p: [i64; 3]) -> bool {
         match side {
@@ -227,7 +227,7 @@ impl Curved {
         }
     }
 
-    /// How g grows with u on a part of the surface: the round one, and the ends of a cylinder.
+    /// Gradient of g with u on a part of the surface: the round one, and the ends of a cylinder.
     #[expect(clippy::cast_precision_loss, reason = "below 2^21")]
     fn slope(&self, u: [f64; 3], part: usize) -> [f64; 3] {
         let r = (u[0] * u[0] + u[1] * u[1]).sqrt().max(f64::MIN_POSITIVE);
@@ -283,7 +283,7 @@ impl Curved {
     }
 }
 
-/// How much faster g may change than u.
+/// Greatest change of g relative to u.
 #[inline]
 fn steep(round: Round) -> f64 {
     if matches!(round, Round::Cylinder(_)) { 2.0 } else { 1.0 }
@@ -301,7 +301,7 @@ fn tube_of(parts: i64) -> f64 {
     parts as f64 / FIXED as f64
 }
 
-/// A ratio of at most 1 as parts of a torus' major radius.
+/// A ratio of at most 1 in units of a torus' major radius.
 #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 2^26")]
 pub(in crate::csg) fn tube_parts(ratio: f64) -> i64 {
     (ratio * FIXED as f64).round_ties_even() as i64

@@ -1,4 +1,4 @@
-//! Boxes of voxels around leaves: what lies beyond need not be asked.
+//! Boxes of voxels around leaves, outside of which a leaf need not be asked.
 
 use super::Leaf;
 use crate::builder::VoxelBox;
@@ -26,7 +26,7 @@ impl Extent {
         }
     }
 
-    /// Has it no voxel of a box?
+    /// True if it has no voxel of a box.
     #[inline]
     pub(in crate::csg) fn misses(&self, region: &VoxelBox) -> bool {
         [&region.x, &region.y, &region.z].into_iter().zip(self.low).zip(self.high).any(
@@ -41,7 +41,7 @@ impl Extent {
         (0..3).all(|k| i32::from(self.low[k]) <= voxel[k] && voxel[k] <= i32::from(self.high[k]))
     }
 
-    /// Those of so many rows from a first one that it has voxels in.
+    /// Rows that it has voxels in, of `count` rows from a first one.
     #[inline]
     pub(in crate::csg) fn rows(&self, first: i32, count: usize) -> std::ops::Range<usize> {
         let at = |row: i32| usize::try_from(row - first).unwrap_or(0).min(count);

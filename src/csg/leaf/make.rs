@@ -1,4 +1,4 @@
-//! From a shape and an affine to a placed leaf.
+//! Placement of a shape as a leaf, by an affine.
 
 use super::curved::tube_parts;
 use super::{Ball, Block, Body, Curved, Half, Leaf, Round};
@@ -10,7 +10,7 @@ use crate::csg::tree::Shape;
 use crate::fault::Fault;
 use crate::geom::{Affine, cross, dot};
 
-/// Axes that are as long as each other, and at right angles, but for this part of their length make a sphere.
+/// Tolerance of squared lengths and dot products of a sphere's axes, as a part of the squared length.
 const ROUND: f64 = 1e-10;
 /// The largest part of a half-space's normal.
 const NORMAL: f64 = (1 << 28) as f64;
@@ -90,7 +90,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
             }
             let unit = normal.map(|c| c / length);
             let on_it = point(m.apply(unit.map(|c| c * offset)), line)?;
-            // Normals go by the cofactors, whose sign is that of the volume.
+            // Normals are turned by the cofactors, which take the sign of the volume.
             let of = |k: usize| cross(columns[(k + 1) % 3], columns[(k + 2) % 3]);
             let cofactors = [of(0), of(1), of(2)];
             let placed: [f64; 3] =
@@ -139,7 +139,7 @@ fn slanted(low: [f64; 3], high: [f64; 3], m: &Affine, line: u64) -> Result<Leaf,
     Ok(Leaf::Body(Box::new(Body::of_points(&points, &unit, line)?)))
 }
 
-/// Does every axis run along one of the lattice?
+/// True if every axis runs along one of the lattice.
 pub(in crate::csg) fn along_axes(columns: &[[f64; 3]; 3]) -> bool {
     columns.iter().all(|column| column.iter().filter(|c| **c != 0.0).count() == 1)
 }

@@ -37,7 +37,7 @@ pub(super) use plain::{Ball, Block, Half};
 /// A placed leaf.
 #[derive(Debug)]
 pub(super) enum Leaf {
-    /// Without a voxel.
+    /// A leaf without a voxel.
     Nothing,
     Ball(Ball),
     Block(Box<Block>),
@@ -61,9 +61,9 @@ pub(super) struct Rows {
 /// The surface of a leaf next to a voxel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
-    /// Out of the leaf, in lattice coordinates (as a gradient is), of any length.
+    /// Normal out of the leaf, in lattice coordinates (like a gradient), of any length.
     pub(super) outwards: [f64; 3],
-    /// From the voxel's middle, in lattice steps, about.
+    /// Approximate distance from the voxel's middle, in lattice steps.
     pub(super) distance: f64,
 }
 
@@ -82,10 +82,10 @@ pub(super) fn bits(first: i64, last: i64) -> u64 {
     if first > last { 0 } else { u64::MAX << first & u64::MAX >> (63 - last) }
 }
 
-/// What of a gradient is rounding.
+/// Largest part of a gradient that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Is a point on a surface that faces this way inside, moved by (-e, e^2, e^3)?
+/// True if a point on a surface with this normal is inside, moved by (-e, e^2, e^3).
 #[inline]
 pub(super) fn leads_in(outwards: [f64; 3]) -> bool {
     let size = outwards.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
@@ -94,7 +94,7 @@ pub(super) fn leads_in(outwards: [f64; 3]) -> bool {
 }
 
 impl Leaf {
-    /// Where the voxels of a box lie.
+    /// Cover of a box.
     pub(super) fn cover(&self, region: &VoxelBox) -> Cover {
         match self {
             Self::Nothing => Cover::Outside,
@@ -119,7 +119,7 @@ impl Leaf {
         }
     }
 
-    /// Is a voxel inside? Not asked of leaves that are sampled.
+    /// True for a voxel inside. Not asked of sampled leaves.
     pub(super) fn contains(&self, voxel: [i32; 3]) -> bool {
         match self {
             Self::Nothing | Self::Sampled(_) => false,
@@ -131,7 +131,7 @@ impl Leaf {
         }
     }
 
-    /// The surface that lies between two neighbours, of which one is inside; `None` where it is not found.
+    /// The surface between two neighbours, one of them inside; `None` where it is not found.
     pub(super) fn face(&self, voxel: [i32; 3], beside: [i32; 3], is_inside: bool) -> Option<Face> {
         match self {
             Self::Nothing | Self::Sampled(_) => None,
@@ -143,7 +143,7 @@ impl Leaf {
         }
     }
 
-    /// Is its surface next to a voxel the same for all neighbours?
+    /// True if its surface next to a voxel is the same for all neighbours.
     pub(super) fn has_one_face(&self) -> bool {
         matches!(self, Self::Ball(_) | Self::Half(_) | Self::Sampled(_))
     }

@@ -5,10 +5,10 @@
 
 use crate::mesh::{Triangle, span};
 
-/// Most entries and boxes, in times the number of triangles.
+/// Most entries and boxes, as multiples of the number of triangles.
 const ENTRIES: usize = 4;
 const BOXES: usize = 2;
-/// Fewer triangles are not divided.
+/// Number of triangles below which they are not divided.
 const FEW: usize = 16;
 
 #[derive(Debug)]
@@ -18,7 +18,7 @@ pub(super) struct Near {
     shifts: [u32; 3],
     /// Boxes along each axis.
     sides: [usize; 3],
-    /// Where the triangles of each box begin.
+    /// Index of the first triangle of each box.
     starts: Vec<u32>,
     numbers: Vec<u32>,
 }
@@ -39,7 +39,7 @@ impl Near {
             return near;
         }
         loop {
-            // Halved along the axis that leaves fewest triangles in a box.
+            // The grid is halved along the axis that leaves fewest triangles in a box.
             let halved = (0..3).filter(|k| near.shifts[*k] > 0).map(|k| {
                 let (mut shifts, mut sides) = (near.shifts, near.sides);
                 (shifts[k], sides[k]) = (shifts[k] - 1, 2 * sides[k]);
@@ -110,7 +110,8 @@ impl Near {
         }
     }
 
-    /// Calls `each` once with every triangle that may reach between these places along the axes, and with others.
+    /// Calls `each` once with every triangle that may reach between these places along the axes, and possibly with
+    /// others.
     #[inline]
     pub(super) fn each<'t>(
         &self,
@@ -123,7 +124,7 @@ impl Near {
         self.each_box(asked, |at, here| {
             for number in &self.numbers[self.starts[at] as usize..self.starts[at + 1] as usize] {
                 let t = &triangles[*number as usize];
-                // It counts in the first of its boxes that are asked for.
+                // A triangle counts in the first of its boxes that are asked.
                 let is_first = (0..3).all(|k| {
                     here[k] == first[k]
                         || self.along(k, [span(t, k).0; 2].map(i64::from).into()).start == here[k]

@@ -1,4 +1,4 @@
-//! Which leaves lie within others in a box: of ten thousand balls in nearly one place few matter anywhere.
+//! Leaves that lie within others in a box: of ten thousand balls in nearly one place few matter anywhere.
 
 use super::{Ball, Block, Leaf, middles};
 use crate::builder::VoxelBox;
@@ -39,8 +39,8 @@ impl Nesting for Nested<'_> {
     }
 }
 
-/// The difference of the squares by which points are beyond both balls is linear, so that corners decide. A lattice step
-/// changes the square by twice the distance and one at most.
+/// The difference of the squares by which points are beyond both balls is linear, so that corners decide. A lattice
+/// step changes the square by twice the distance and one at most.
 fn ball_holds(outer: &Ball, inner: &Ball, region: &[(i64, i64); 3]) -> bool {
     let low = region.map(|(low, _)| low);
     let mut most = i128::from(outer.beyond(low)) - i128::from(inner.beyond(low));
@@ -64,8 +64,8 @@ mod tests {
     use super::*;
     use crate::csg::place::centre;
 
-    /// Where one leaf is said to hold another, every lattice point of the box that is in the inner one is in the outer
-    /// one with all its neighbours.
+    /// If one leaf is said to hold another, every lattice point of the box that is in the inner one is in the outer one
+    /// with all its neighbours.
     #[test]
     fn what_is_held_is_within_by_a_step() {
         let mut state = 11_u32;

@@ -6,10 +6,10 @@ use super::{Face, Rows, bits, leads_in};
 use crate::builder::Cover;
 use crate::csg::place::{centre, voxels_between};
 
-/// Points whose distance from a middle is less than a radius, and of those at that distance the ones that are moved in.
+/// Points whose distance from a middle is less than a radius, and points at that distance that are moved in.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::csg) struct Ball {
-    /// Below 2^29, as the radius.
+    /// Middle and radius, below 2^29.
     pub(in crate::csg) middle: [i32; 3],
     pub(in crate::csg) radius: i32,
 }
@@ -57,7 +57,7 @@ impl Ball {
                 0
             } else {
                 let half = root(left);
-                // Moved by -e, a middle at the high end is inside, and one at the low end is not.
+                // A middle at the high end is moved in by -e, one at the low end out.
                 let open = i64::from(
                     half * half == left && !(half == 0 && self.contains([cx, centre(y), centre(at.z)])),
                 );
@@ -67,7 +67,7 @@ impl Ball {
         }
     }
 
-    /// By how much the square of a point's distance from the middle is larger than that of the radius.
+    /// Square of a point's distance from the middle, less the square of the radius.
     #[inline]
     pub(super) fn beyond(&self, p: [i64; 3]) -> i64 {
         (0..3).map(|k| (p[k] - i64::from(self.middle[k])).pow(2)).sum::<i64>() - self.squared()
@@ -82,7 +82,7 @@ impl Ball {
         }
     }
 
-    /// Is a point inside, and its surface perhaps not farther away than so many lattice steps?
+    /// True if a point is inside, and its surface may be within `steps` lattice steps.
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "with room")]
     pub(in crate::csg) fn contains_within(&self, p: [i64; 3], steps: f64) -> bool {
@@ -92,7 +92,7 @@ impl Ball {
         beyond <= 0 && -(beyond as f64) <= most && (beyond < 0 || self.contains(p))
     }
 
-    /// Away from the middle.
+    /// Direction away from the middle.
     #[expect(clippy::cast_precision_loss, reason = "a direction")]
     pub(super) fn outwards(&self, p: [i64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| (p[k] - i64::from(self.middle[k])) as f64)
@@ -150,7 +150,7 @@ impl Block {
         low && p[0] <= self.high[0] && p[1] < self.high[1] && p[2] < self.high[2]
     }
 
-    /// Between neighbours along an axis lies a face across it.
+    /// The face between two neighbours, which lies across the axis that joins them.
     #[expect(clippy::cast_precision_loss, reason = "a distance")]
     pub(super) fn face(&self, voxel: [i32; 3], beside: [i32; 3], is_inside: bool) -> Face {
         let mut face = Face { outwards: [0.0; 3], distance: 0.0 };
@@ -170,12 +170,12 @@ impl Block {
     }
 }
 
-/// Points p with normal . p < bound, and of those with normal . p = bound the ones that are moved in.
+/// Points p with normal . p < bound, and points with normal . p = bound that are moved in.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::csg) struct Half {
-    /// Its largest part is 2^28.
+    /// Normal whose largest part is 2^28.
     pub(in crate::csg) normal: [i64; 3],
-    /// Below 2^60.
+    /// Bound of normal . p, below 2^60.
     pub(in crate::csg) bound: i64,
 }
 

@@ -10,7 +10,7 @@ const MODULE_BYTES: u64 = 1 << 10;
 /// Parts that `offset3d` makes of a box.
 const PARTS: u64 = 24;
 
-/// Bytes of a number among the arguments of a module: corners and triangles are made of the numbers of these.
+/// Bytes for a number among the arguments of a module, of which corners and triangles are made.
 fn number_bytes(module: &str) -> u64 {
     match module {
         "polygon" => 320,
@@ -19,7 +19,7 @@ fn number_bytes(module: &str) -> u64 {
     }
 }
 
-/// Bytes of what has this many sides: as many triangles as a sphere of them.
+/// Bytes of a shape of this many sides: as many triangles as a sphere of them.
 fn facet_bytes(sides: f64) -> u64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 256")]
     let sides = sides.clamp(0.0, super::modules::MAX_SIDES) as u64;
@@ -34,7 +34,7 @@ pub(in crate::csg) fn memory_bound(input: &mut dyn BufRead) -> Result<(u64, u64)
     let mut lexer = Lexer::new(input)?;
     let (mut module, mut name) = (String::new(), String::new());
     let (mut bytes, mut files, mut parts) = (0, 0, 1);
-    // Most sides that something round may have from what is around it.
+    // Most sides of a round shape, from the blocks around it.
     let mut above = 0.0_f64;
     loop {
         match lexer.next()? {

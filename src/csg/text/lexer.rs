@@ -1,4 +1,4 @@
-//! Bytes to tokens, with the line of each.
+//! Tokens of bytes, with the line of each.
 
 use std::io::{self, BufRead};
 
@@ -122,7 +122,7 @@ impl<'a> Lexer<'a> {
         let word = String::from_utf8_lossy(&word).into_owned();
         if !is_number {
             return Ok(match word.as_str() {
-                // As OpenSCAD prints what is not finite.
+                // OpenSCAD prints infinities and NaN so.
                 "inf" => Token::Number(f64::INFINITY),
                 "nan" => Token::Number(f64::NAN),
                 _ => Token::Name(word),

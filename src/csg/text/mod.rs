@@ -7,8 +7,8 @@
 //! }
 //! ```
 //!
-//! The text has neither loops nor expressions, so what it takes is bounded by its size. It is read once, as a stream;
-//! blocks that are open wait on a list, so that their depth does not matter.
+//! The text has neither loops nor expressions, so its memory is bounded by its size. It is read once, as a stream; open
+//! blocks wait on a list, so that their depth does not matter.
 
 mod bound;
 mod lexer;
@@ -22,12 +22,12 @@ pub(super) use parser::parse;
 
 use crate::fault::Fault;
 
-/// Why a text cannot be read.
+/// Reason why a text cannot be read.
 #[derive(Debug)]
 pub(super) enum Stop {
     Text(Fault),
     Read(std::io::Error),
-    /// The tree is larger than what it may take.
+    /// The tree takes more memory than it may.
     Memory {
         bytes: u64,
     },

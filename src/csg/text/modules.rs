@@ -38,14 +38,14 @@ pub(super) enum Meaning {
 /// The meaning of a module, within an extrusion or not.
 ///
 /// # Errors
-/// It is not read, or its arguments make no sense.
+/// The module is not supported, or its arguments make no sense.
 pub(super) fn meaning(of: &Arguments, extruded: Option<[f64; 2]>, folder: &Path) -> Result<Meaning, Fault> {
     if let Some((known, places)) = taken(&of.module) {
         of.only(known, places)?;
     }
     let joined = |operation| Ok(Meaning::Block(Block::Joined(operation)));
     match of.module.as_str() {
-        // `render` and `color` change how it looks in OpenSCAD, not what it is.
+        // `render` and `color` change the appearance in OpenSCAD, not the shape.
         "color" => {
             of.color()?;
             joined(Operation::Union)
@@ -96,8 +96,8 @@ pub(in crate::csg) fn is_module(name: &str) -> bool {
     taken(name).is_some() || name == "offset3d"
 }
 
-/// Names of a module's arguments, those of files that OpenSCAD writes included, and how many may stand without a name;
-/// `None` for a module that is not read.
+/// Names of a module's arguments, with those that OpenSCAD adds in its files, and the number that may stand without a
+/// name; `None` for a module that is not read.
 fn taken(module: &str) -> Option<(&'static [&'static str], usize)> {
     Some(match module {
         "group" | "union" | "difference" | "intersection" | "complement" => (&[], 0),
@@ -207,7 +207,7 @@ fn place(of: &Arguments) -> Result<Affine, Fault> {
         },
         "scale" => Ok(Affine::from_spacing(need("v", 1.0)?)),
         "rotate" => match of.value("a", Some(0)) {
-            // About x, then y, then z.
+            // Turns about x, then y, then z.
             Some(Value::List(_)) => {
                 let [x, y, z] = need("a", 0.0)?;
                 let turned = [(z, 2), (y, 1), (x, 0)].map(|(angle, axis)| turn(angle, unit(axis)));
@@ -235,7 +235,7 @@ fn unit(axis: usize) -> [f64; 3] {
     std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 })
 }
 
-/// A turn by an angle in degrees about an axis (Rodrigues); none about no axis.
+/// A turn by an angle in degrees about an axis (Rodrigues); the identity for no axis.
 fn turn(degrees: f64, axis: [f64; 3]) -> Affine {
     let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
     let mut affine = Affine::from_spacing([1.0; 3]);
@@ -272,7 +272,7 @@ fn radius(
     Ok(half.or(of.number(radius, place)?))
 }
 
-/// Sides of something round; `None` if it is to be round, or has so many sides that it is within 0.008 % of its radius.
+/// Sides of a round shape; `None` for a truly round one, or for so many sides that it is within 0.008 % of its radius.
 fn sides(of: &Arguments) -> Option<usize> {
     let count = of.facets.filter(|count| *count > 0.0 && *count <= MAX_SIDES)?;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
@@ -308,7 +308,7 @@ fn polyhedron(of: &Arguments) -> Result<Shape, Fault> {
     Ok(Shape::Faces(faces))
 }
 
-/// Memory that a shape takes that is made of lists of points, without the lists; and what is held to make it.
+/// Memory of a shape made of lists of points, without the lists, and of its making.
 pub(super) fn made_bytes(of: &Arguments) -> u64 {
     let rows = |name, place| match of.list(name, place) {
         Ok(Some(list)) => (list.numbers.len() as u64, list.ends.len() as u64),
@@ -370,15 +370,15 @@ fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, Fault> {
             if z[0] < z[1] {
                 Shape::Faces(facets::prism(&paths, z))
             } else {
-                // Nothing, or refused where it is placed.
+                // An empty solid, or one that is refused where it is placed.
                 Shape::Cuboid { low: [0.0; 3], high: [1.0, 1.0, z[1] - z[0]] }
             }
         }
     })
 }
 
-/// A file that lies in the folder of the text, or below it: a text that came from elsewhere must not make the program
-/// read any file it names.
+/// A file in the folder of the text, or below it: a text of foreign origin must not make the program read any file it
+/// names.
 fn beside(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));

@@ -1,4 +1,4 @@
-//! Modules and their blocks to a tree.
+//! Parsing of modules and their blocks into a tree.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -14,20 +14,20 @@ use crate::geom::Affine;
 
 struct OpenBlock {
     block: Block<()>,
-    /// Where its children begin among all that wait.
+    /// Index of its first child among the waiting nodes.
     first: usize,
     /// Heights between which its flat shapes are extruded.
     extruded: Option<Box<[f64; 2]>>,
     line: u64,
-    /// Is it left out, with all that is in it?
+    /// True if it is left out, with all its content.
     left_out: bool,
-    /// Has it no braces, but the one module that follows?
+    /// True if it has no braces, only the one module that follows.
     single: bool,
-    /// `$fn` of the modules in it that state none.
+    /// `$fn` for modules in it that state none.
     facets: Option<f64>,
 }
 
-/// Gives room back that a list has no more use for, as the tree grows while the blocks of a deep one are closed.
+/// Frees unused room of a list, as the tree grows while the blocks of a deep one are closed.
 fn shrink<T>(list: &mut Vec<T>) {
     let len = list.len();
     if len + len / 7 + 64 < list.capacity() {
@@ -41,8 +41,8 @@ struct Parser<'a> {
     most_bytes: u64,
     tree: Tree,
     open: Vec<OpenBlock>,
-    /// Where open blocks place what is in them. (Boxes of their own would leave holes in the allocator's heap that the
-    /// smaller ones of the tree do not fill.)
+    /// Affines of open blocks. (Boxes of their own would leave holes in the allocator's heap that the smaller ones of
+    /// the tree do not fill.)
     places: Vec<Affine>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
@@ -101,7 +101,7 @@ impl Parser<'_> {
         self.tree.bytes() + lists as u64 + self.boxed_bytes
     }
 
-    /// Refuses more bytes in addition to those held, where they have no room.
+    /// Checks that there is memory for `more_bytes` besides those held.
     fn hold(&self, more_bytes: u64) -> Result<(), Stop> {
         let bytes = self.bytes() + more_bytes;
         if bytes > self.most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
@@ -120,7 +120,7 @@ impl Parser<'_> {
             Token::End if self.open.len() == 1 => return Ok(false),
             Token::End => return Err(expected(self, "} before the end of the file")),
             Token::Sign(mut mark @ (b'#' | b'%' | b'*')) => {
-                // Background, and what is switched off, is read and left out; # only marks.
+                // Background and disabled modules are read and left out; # only marks.
                 let mut left_out = false;
                 let name = loop {
                     left_out |= mark != b'#';
@@ -160,7 +160,7 @@ impl Parser<'_> {
                 Stop::Memory { bytes } => Stop::Memory { bytes: held + bytes },
                 other => other,
             })?;
-        // A block's fineness is that of what is in it.
+        // A block's fineness applies to its content.
         arguments.facets = self.open.last().and_then(|above| above.facets);
         arguments.facets = arguments.number("$fn", None)?.or(arguments.facets);
         let facets = arguments.facets;
@@ -173,7 +173,7 @@ impl Parser<'_> {
                     let leaf = self.tree.leaf_of_line(shape, line);
                     push(&mut self.waiting, leaf);
                 }
-                // A leaf has no children; should there be any, they count for nothing.
+                // A leaf has no children; any that are there are ignored.
                 return match self.lexer.next()? {
                     Token::Sign(b';') => self.close_singles(),
                     Token::Sign(b'{') => {
@@ -193,7 +193,7 @@ impl Parser<'_> {
                 self.begin(block, extruded, line, left_out, facets);
                 self.close()?;
             }
-            // As people write it: a module that follows at once is the only child.
+            // A module that follows at once, without braces, is the only child.
             Token::Name(_) | Token::Sign(b'#' | b'%' | b'*') => {
                 self.begin(block, extruded, line, left_out, facets);
                 if let Some(open) = self.open.last_mut() {
@@ -206,7 +206,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// Reads what a name is set to; of round solids the fineness counts, for all that follows.
+    /// Reads an assignment; only the fineness of round solids counts, for all that follows.
     fn assignment(&mut self, name: &str, line: u64) -> Result<(), Stop> {
         if !matches!(name, "$fn" | "$fa" | "$fs" | "$fe") {
             let name: String = name.chars().take(MAX_NAME).collect();
@@ -254,7 +254,7 @@ impl Parser<'_> {
         push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false, facets });
     }
 
-    /// Closes the block that was opened last, and those whose only child it is.
+    /// Closes the block that was opened last, and the blocks around it without braces.
     fn close(&mut self) -> Result<(), Stop> {
         self.close_last()?;
         self.close_singles()

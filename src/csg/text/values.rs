@@ -8,7 +8,7 @@ use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::text::shown;
 
-/// How deep lists may lie in lists: the rows of a list of lists.
+/// Greatest depth of lists in lists: the rows of a list of lists.
 const DEEPEST: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +16,7 @@ pub(super) enum Value {
     Number(f64),
     Flag(bool),
     Text(String),
-    /// Numbers, and where the lists within begin and end.
+    /// Numbers, and the bounds of the lists within.
     List(List),
     /// `undef`.
     Nothing,
@@ -26,10 +26,10 @@ pub(super) enum Value {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct List {
     pub(super) numbers: Vec<f64>,
-    /// Where each list within ends.
+    /// End of each inner list.
     pub(super) ends: Vec<usize>,
     depth: usize,
-    /// Is there anything but numbers?
+    /// True if there is anything but numbers.
     mixed: bool,
     /// The first three of `true` and `false`.
     flags: Vec<bool>,
@@ -41,7 +41,7 @@ impl List {
         starts.zip(&self.ends).map(|(from, to)| &self.numbers[from..*to])
     }
 
-    /// Lists of so many numbers each.
+    /// The inner lists, if each has `N` numbers.
     pub(super) fn rows_of<const N: usize>(&self) -> Option<Vec<[f64; N]>> {
         let whole = self.depth == 2 && !self.mixed && self.ends.last() == Some(&self.numbers.len());
         if !whole {
@@ -59,7 +59,7 @@ impl List {
         (self.numbers.capacity() * size_of::<f64>() + self.ends.capacity() * size_of::<usize>()) as u64
     }
 
-    /// Lists of any numbers of whole numbers.
+    /// Lists of any length, of whole numbers.
     pub(super) fn indices(&self) -> Option<Vec<Vec<u32>>> {
         let mut all = Vec::new();
         self.each_indices(&mut |row| {
@@ -96,13 +96,13 @@ impl List {
 pub(super) struct Arguments {
     pub(super) line: u64,
     pub(super) module: String,
-    /// `$fn`, its own or that of the block around it.
+    /// `$fn`, its own or the surrounding block's.
     pub(super) facets: Option<f64>,
     named: Vec<(String, Value)>,
     placed: Vec<Value>,
 }
 
-/// Letters of a name in a message.
+/// Most letters of a name in a message.
 pub(super) const MAX_NAME: usize = 40;
 /// Arguments that OpenSCAD gives any module: the fineness of round shapes, and hints for its preview.
 const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
@@ -111,10 +111,10 @@ const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 const MAX: usize = 64;
 
 impl Arguments {
-    /// Reads them from behind the opening bracket to the closing one; they may take so many bytes.
+    /// Reads them from behind the opening bracket to the closing one, within `most_bytes`.
     ///
     /// # Errors
-    /// A fault of the text; [`Stop::Memory`] with what they take.
+    /// A fault of the text; [`Stop::Memory`] with the bytes needed.
     pub(super) fn read(
         lexer: &mut Lexer<'_>,
         module: String,
@@ -184,7 +184,7 @@ impl Arguments {
         values.map(|value| if let Value::List(list) = value { list.bytes() } else { 0 }).sum()
     }
 
-    /// The value of a name, or of a place where it stands without a name.
+    /// The value of a name, or of the place where it may stand without a name.
     pub(super) fn value(&self, name: &str, place: Option<usize>) -> Option<&Value> {
         let named = self.named.iter().rev().find(|(own, _)| own == name).map(|(_, value)| value);
         let value = named.or_else(|| self.placed.get(place?));
@@ -222,7 +222,7 @@ impl Arguments {
         bad_argument(self.line, &self.module, argument)
     }
 
-    /// A number, if it is there.
+    /// A number, if stated.
     pub(super) fn number(&self, name: &'static str, place: Option<usize>) -> Result<Option<f64>, Fault> {
         match self.value(name, place) {
             None => Ok(None),
@@ -231,12 +231,12 @@ impl Arguments {
         }
     }
 
-    /// A number that is finite and has to be there.
+    /// A finite number that must be there.
     pub(super) fn need(&self, name: &'static str, place: Option<usize>) -> Result<f64, Fault> {
         self.number(name, place)?.filter(|n| n.is_finite()).ok_or_else(|| self.wrong(name))
     }
 
-    /// A yes or no; no, if it is not there.
+    /// A boolean; false if not stated.
     pub(super) fn flag(&self, name: &'static str, place: Option<usize>) -> Result<bool, Fault> {
         match self.value(name, place) {
             None => Ok(false),
@@ -245,7 +245,7 @@ impl Arguments {
         }
     }
 
-    /// So many numbers; one number stands for all of them.
+    /// `N` numbers; a single one stands for all of them.
     pub(super) fn numbers<const N: usize>(
         &self,
         name: &'static str,
@@ -269,7 +269,7 @@ impl Arguments {
         }
     }
 
-    /// A text that has to be there.
+    /// A text that must be there.
     pub(super) fn text(&self, name: &'static str, place: Option<usize>) -> Result<&str, Fault> {
         match self.value(name, place) {
             Some(Value::Text(text)) => Ok(text),
@@ -307,7 +307,7 @@ impl Arguments {
         }
     }
 
-    /// Yes or no for each axis; one stands for all.
+    /// A boolean for each axis; one stands for all.
     pub(super) fn flags(&self, name: &'static str, place: Option<usize>) -> Result<[bool; 3], Fault> {
         match self.value(name, place) {
             Some(Value::List(list)) if list.depth == 1 && list.numbers.is_empty() => {
@@ -363,7 +363,7 @@ fn list(lexer: &mut Lexer<'_>, most_bytes: u64) -> Result<List, Stop> {
         }
         match token {
             Token::Sign(b'[') if depth < DEEPEST => {
-                // A number before a list is in none.
+                // Numbers before a list lie in no list.
                 all.mixed |= depth == 1 && all.ends.last().copied().unwrap_or(0) != all.numbers.len();
                 depth += 1;
                 all.depth = all.depth.max(depth);

@@ -77,7 +77,7 @@ enum Numbers {
 }
 
 impl Numbers {
-    /// Three finite ones.
+    /// The list, if it has three finite numbers.
     fn three(&self) -> Option<[f64; 3]> {
         let parts = match self {
             Self::List(list) => list.clone(),
@@ -90,12 +90,12 @@ impl Numbers {
 }
 
 impl Keys {
-    /// Keys of a JSON object, or why the text is none.
+    /// Keys of a JSON object, or the error of the parser.
     pub(super) fn of_json(text: &str) -> Result<Self, String> {
         serde_json::from_str(text).map_err(|e| e.to_string())
     }
 
-    /// Keys of a TOML text, as far as [`flat_toml`] reads it, or why they cannot be told.
+    /// Keys of a TOML text, as far as [`flat_toml`] reads it, or the reason why they cannot be parsed.
     pub(super) fn of_toml(text: &str) -> Result<Self, String> {
         match lost_in_toml(text) {
             Some((key, value)) => Err(format!(
@@ -106,12 +106,12 @@ impl Keys {
         }
     }
 
-    /// Do they describe raw data?
+    /// True if the keys describe raw data.
     pub(in crate::discovery) fn describe_raw(&self) -> bool {
         self.dims.is_stated() && self.dtype.is_stated()
     }
 
-    /// Which key they lack to describe raw data, if they have the other one.
+    /// The key that they lack to describe raw data, if they have the other one.
     pub(in crate::discovery) fn lacks(&self) -> Option<&'static str> {
         match (self.dims.is_stated(), self.dtype.is_stated()) {
             (true, false) => Some("dtype"),
@@ -120,7 +120,7 @@ impl Keys {
         }
     }
 
-    /// Do they say where data lies?
+    /// True if the keys state the place of data.
     pub(in crate::discovery) fn place(&self) -> bool {
         self.spacing.is_stated() || self.spacing_mm.is_stated() || self.orientation.is_stated()
     }
@@ -202,8 +202,8 @@ fn is_plain(name: &str) -> bool {
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
-/// A key of a TOML text that matters and begins a line before the first table, and the rest of the line, where its value
-/// cannot be read.
+/// A key of a TOML text that matters and begins a line before the first table, and the rest of the line, where its
+/// value cannot be read.
 fn lost_in_toml(text: &str) -> Option<(&str, String)> {
     let keys = flat_toml(text);
     let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
@@ -215,8 +215,8 @@ fn lost_in_toml(text: &str) -> Option<(&str, String)> {
     })
 }
 
-/// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
-/// left out; those that are read as JSON, which they are but for quotes and commas.
+/// The keys of a TOML text before its first table. Strings, numbers and lists of these are read as JSON, from which
+/// they differ in quotes and commas only; other values are left out.
 fn flat_toml(text: &str) -> Map<String, Value> {
     let plain = |line: &str| {
         let mut quoted = false;
@@ -260,7 +260,7 @@ mod tests {
         let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
         assert_eq!(Value::Object(flat_toml(text)), expected);
         assert!(flat_toml("a = [1,\n\n= = =\n'").is_empty());
-        // Signs of comments in a text that never ends: looked at once each.
+        // Comment signs in an endless text: each is looked at once.
         let started = std::time::Instant::now();
         assert!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))).is_empty());
         assert!(started.elapsed() < std::time::Duration::from_secs(2));

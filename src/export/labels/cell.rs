@@ -1,16 +1,17 @@
-//! A cell between eight labelled samples: which labels it has, and in which sheets each label's surface passes through it.
+//! A cell between eight labelled samples: its labels, and the sheets in which each label's surface passes through it.
 //!
 //! Every edge between two labels is crossed by one polygon, which is part of the surface of both. Where a face between
 //! two cells has four crossed edges and a label on a diagonal, four polygons meet in the line that joins the cells'
 //! corners. They are joined in pairs, around two opposite samples of the face, and each pair has a knot of its own on
-//! that line, moved towards its sample: so all labels see the same pairs, and every edge of each has two polygons.
+//! that line, moved towards its sample: so all labels see the same pairs, and every edge of each label has two
+//! polygons.
 
 use crate::export::cases::{Case, EDGES, NO_PATCH, edge_at, ends, face, joined, numbered, others};
 use crate::format::CornerLabels;
 
-/// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where no more than
-/// two polygons of a label meet. Where the labels of both diagonals are alike, those of the lower number are
-/// connected: what has no label is.
+/// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where at most
+/// two polygons of a label meet. Where the corners of each diagonal have equal labels, the diagonal of the lower number
+/// is connected: unlabelled corners before all.
 #[inline(always)]
 pub(super) fn knots(corners: &CornerLabels, axis: usize, side: usize) -> Option<[usize; 2]> {
     let [p, q, r, s] = face(axis, side);
@@ -32,7 +33,7 @@ pub(super) fn mask(corners: &CornerLabels, label: u16) -> u8 {
     corners.iter().enumerate().fold(0, |mask, (i, corner)| mask | u8::from(*corner == label) << i)
 }
 
-/// The cases of one sheet and without a face that could be joined in two ways.
+/// True for cases of one sheet without a face that could be joined in two ways.
 static IS_PLAIN: [bool; 256] = {
     let all = crate::export::cases::all();
     let mut plain = [false; 256];
@@ -84,7 +85,7 @@ pub(super) fn sheets(corners: &CornerLabels, label: u16) -> Option<Case> {
     Some(numbered(sheet_of))
 }
 
-/// The labels of a cell, each once, without 0; and how many they are.
+/// The distinct labels of a cell, without 0; and their number.
 #[inline(always)]
 pub(super) fn distinct(corners: &CornerLabels) -> ([u16; 8], usize) {
     let (mut found, mut count) = ([0; 8], 0);

@@ -1,9 +1,9 @@
 //! The surfaces of all labels, layer by layer: a vertex in each cell that a wall passes through, and around each edge
 //! between two labels a polygon, which is part of the surfaces of both.
 //!
-//! A cell has one place for all its labels, and a polygon is cut the same way for both of its labels, so that neighbours
-//! have the very same triangles, turned round. Each label has vertices of its own, one for each sheet of its surface in
-//! a cell.
+//! A cell has one point for all its labels, and a polygon is cut the same way for both of its labels, so that
+//! neighbours have exactly the same triangles, reversed. Each label has vertices of its own, one for each sheet of its
+//! surface in a cell.
 
 use std::collections::HashMap;
 use std::io;
@@ -25,7 +25,7 @@ use crate::render::normals::blend::find;
 /// Columns and rows before the first cell of the box.
 pub(super) const MARGIN: u32 = 4;
 
-/// One label in a cell: the number of its first vertex, and where its sheets are, if there are several.
+/// One label in a cell: the number of its first vertex, and the sheets, if there are several.
 #[derive(Clone, Copy, Debug)]
 struct Share {
     label: u16,
@@ -39,7 +39,7 @@ struct Share {
 struct Cell {
     x: u32,
     corners: CornerLabels,
-    /// In mm.
+    /// Point of the cell in mm.
     at: [f32; 3],
     shares: [u32; 2],
 }
@@ -83,7 +83,7 @@ pub(super) struct Stored<'a> {
     /// Columns and rows of the box, with [`MARGIN`] before it.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Parts of a table of labels, from 1 on, by number; 0 for none.
+    /// Index in the table of labels, from 1 on, by a label's number; 0 for none.
     pub(super) part_of: &'a [u16],
 }
 
@@ -97,7 +97,7 @@ impl Stored<'_> {
         std::array::from_fn(|corner| part(walls.corner(corner)))
     }
 
-    /// True if a wall of a cell comes so near to the centre of a voxel whose label is thin there that little is left of it.
+    /// True if a wall of a cell comes so close to the centre of a voxel of a thin label that little is left of it.
     fn would_lose(&self, cell: [u32; 3], walls: &Walls, corners: &CornerLabels) -> bool {
         let thin = |corner: usize, axis: usize, voxels: u32| {
             corners[corner ^ 1 << axis] != corners[corner] && self.is_thin(cell, corner, axis, voxels)
@@ -107,12 +107,12 @@ impl Stored<'_> {
             let ahead = at_corner(n, corner) - plane.offset;
             let across = (0..3).fold(0, |most, axis| if n[axis].abs() > n[most].abs() { axis } else { most });
             if ahead.abs() <= TOUCHING {
-                // The edge of something thin is as thin further in; a step of a body is not.
+                // The edge of something thin is equally thin further in, unlike a step of a body.
                 let is_edge =
                     |axis: usize| thin(corner, axis, 2) && self.is_thin_within(cell, corner, [across, axis]);
                 return thin(corner, across, 3) || (0..3).any(|axis| axis != across && is_edge(axis));
             }
-            // Parts of a stored normal are of half voxels.
+            // Components of a stored normal are in half voxels.
             let square = n.iter().map(|n| n * n).sum::<i32>();
             let is_near = |most: f64| f64::from(ahead * ahead) < 4.0 * most * most * f64::from(square);
             is_near(NEAR) && thin(corner, across, 2) || is_near(NEARER) && thin(corner, across, 3)
@@ -121,7 +121,8 @@ impl Stored<'_> {
         own.any(|corner| walls.planes().iter().any(|plane| of_plane(corner, plane)))
     }
 
-    /// True if the label of a cell's corner is as thin along the second axis two voxels further in along the first.
+    /// True if the label of a cell's corner is equally thin along the second axis two voxels further in along the
+    /// first.
     #[cold]
     fn is_thin_within(&self, cell: [u32; 3], corner: usize, [across, axis]: [usize; 2]) -> bool {
         let is_high = corner >> across & 1 == 1;
@@ -138,7 +139,7 @@ impl Stored<'_> {
     #[cold]
     fn is_thin(&self, cell: [u32; 3], corner: usize, axis: usize, voxels: u32) -> bool {
         let mut cell = cell;
-        // The cell beyond the corner, in which the label's next voxels are.
+        // The cell beyond the corner, which holds the label's next voxels.
         for _ in 0..voxels {
             let is_high = corner >> axis & 1 == 1;
             let Some(next) = (if is_high { cell[axis].checked_add(1) } else { cell[axis].checked_sub(1) })
@@ -158,22 +159,23 @@ impl Stored<'_> {
     }
 }
 
-/// A wall touches a corner of its cell if it is so near, in parts of its stored normal: where labels are up to three voxels
-/// thin across it, or at the edge of up to two, the samples around outweigh them. Those of up to two voxels across it, and
-/// of three, also lose most where it is this near to the corner, in voxels.
+/// A wall touches a corner of its cell within this distance, in components of its stored normal: labels up to three
+/// voxels thick across it, or at an edge up to two, are outweighed by the samples around them there. Labels up to two
+/// voxels thick across the wall (`NEAR`), or three (`NEARER`), also lose most of their thickness within these distances
+/// from the corner, in voxels.
 const TOUCHING: i32 = 2;
 const NEAR: f64 = 0.5;
 const NEARER: f64 = 0.25;
 
-/// A knot: the axis across its face, the cell above that, and the corner of that cell that it goes around.
+/// A knot: the axis across its face, the cell above the face, and the corner of that cell that it goes around.
 type Knot = (usize, [u32; 3], usize);
 
-/// For each cell around an edge ([`Near::around`]), 1 along those of the two other axes where it is one less.
+/// For each cell around an edge ([`Near::around`]), 1 for each of the two other axes along which it is one less.
 const AROUND: [[usize; 2]; 4] = [[1, 1], [0, 1], [0, 0], [1, 0]];
 
 /// Makes the polygons of one layer of cells after the other.
 pub(super) struct Mesher<'a> {
-    /// Middle of a cell, in its numbers, to mm.
+    /// Maps the middle of a cell, by its numbers, to mm.
     to_mm: Affine,
     placing: Placing<'a>,
     mirrored: bool,
@@ -192,18 +194,18 @@ struct Edge {
 }
 
 impl Edge {
-    /// True of a cell in the layer below.
+    /// True for a cell in the layer below.
     fn is_below(&self, which: usize) -> bool {
         let [b, c] = others(self.axis);
         (AROUND[which][0] << b | AROUND[which][1] << c) >> 2 & 1 == 1
     }
 
-    /// The cells on the two sides of a face between two cells that follow each other, the higher one last.
+    /// The cells on the two sides of a face between consecutive cells around the edge, the higher one last.
     fn sides(side: usize) -> [usize; 2] {
         [[0, 1], [1, 2], [3, 2], [0, 3]][side]
     }
 
-    /// The knot in such a face that the polygon runs through, if it has knots.
+    /// The knot in such a face that the polygon passes, if the face has knots.
     #[inline(always)]
     fn knot(&self, side: usize) -> Option<Knot> {
         let [b, c] = others(self.axis);
@@ -237,7 +239,7 @@ impl<'a> Mesher<'a> {
     /// Takes the cells of the next slice of a model.
     ///
     /// # Errors
-    /// The disk's, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
+    /// Errors of the disk, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
     pub(super) fn next(&mut self, cells: &Stored<'_>, z: u32) -> io::Result<()> {
         self.begin(z);
         self.here.cells.end_row();
@@ -314,7 +316,7 @@ impl<'a> Mesher<'a> {
         placed(&self.to_mm, cell, within)
     }
 
-    /// Makes the polygons whose last cell lies in this layer.
+    /// Makes the polygons whose last cell is in this layer.
     fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
         self.near.widen(width);
         for row in 1..height {
@@ -343,7 +345,7 @@ impl<'a> Mesher<'a> {
         for (which, label) in ends.into_iter().enumerate().filter(|(_, label)| *label != 0) {
             let mut corners = [0; 4];
             for (i, corner) in corners.iter_mut().enumerate() {
-                // The edge as the cell has it: high along the axes where the cell is one less.
+                // The edge by its number in the cell: high along the axes where the cell is one less.
                 let within = 4 * axis + AROUND[i][0] + 2 * AROUND[i][1];
                 *corner = self.layer_of(&edge, i).vertex(&edge.around[i], label, within);
             }
@@ -361,7 +363,7 @@ impl<'a> Mesher<'a> {
         if edge.is_below(which) { &self.below } else { &self.here }
     }
 
-    /// Cuts a polygon of four cells' corners, and of knots between them, into triangles.
+    /// Cuts the polygon of four cells' corners, and of knots between them, into triangles.
     #[inline(always)]
     fn cut(
         &mut self,
@@ -389,7 +391,7 @@ impl<'a> Mesher<'a> {
         Ok(())
     }
 
-    /// A label's vertex of a knot.
+    /// The vertex of a knot for a label.
     #[inline(never)]
     fn knot(&mut self, edge: &Edge, side: usize, knot: Knot, label: u16) -> io::Result<u32> {
         if let Some(known) = self.knots.get(&(knot, label)) {

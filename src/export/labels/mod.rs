@@ -1,4 +1,4 @@
-//! A model of labels as triangles: a closed part for each label, neighbours sharing the very same wall.
+//! A model of labels as triangles: a closed part for each label, neighbours sharing exactly the same wall.
 //!
 //! ```text
 //!   cells between labels --> a vertex a cell by its walls (cell, walls)
@@ -33,23 +33,23 @@ use mesher::{MARGIN, Mesher, Stored};
 use parts::Parts;
 use walls::Placing;
 
-/// The corner of a cell that is high along all axes.
+/// The corner of a cell on the high side along all axes.
 pub(super) const HIGH: usize = 7;
 
-/// Numbers that a label may have, and 0.
+/// Number of possible labels, 0 included.
 const NUMBERS: usize = 1 << 16;
 
 /// The surfaces of all labels of a model, to be written.
 pub(crate) struct LabelMesh {
     parts: Parts,
     labels: Vec<Label>,
-    /// True if vertices have normals: where walls are smooth.
+    /// True if vertices have normals, as on smooth walls.
     normals: bool,
 }
 
 impl Exporter<'_> {
-    /// Makes the surfaces of labels. A corner of the wall moves at most `smooth` voxels along each axis from where four
-    /// voxels' edges meet; at 0 the walls are those of the voxels.
+    /// Makes the surfaces of labels. A corner of the wall moves at most `smooth` voxels along each axis from the point
+    /// where the edges of voxels meet; at 0 the walls are the voxels' sides.
     ///
     /// # Errors
     /// The model is damaged, or the disk is full.
@@ -120,7 +120,7 @@ impl Exporter<'_> {
         let mut slices = 0;
         self.each_slice(bounds, |cells| {
             progress.step(1)?;
-            // The first and the last lie beyond the box.
+            // The first and the last slice lie beyond the box.
             if (1..=count).contains(&slices) {
                 work(cells)?;
             }
@@ -131,7 +131,8 @@ impl Exporter<'_> {
     }
 }
 
-/// Fills a row of samples with their labels, by the cells that end at them: between two cells of a row the label stays.
+/// Fills a row of samples with their labels, from the cells that end at them: between two cells of a row the label
+/// stays.
 fn fill_row<'c>(view: &ModelView<'_>, cells: impl Iterator<Item = &'c SkinVoxel>, row: &mut [u16]) {
     let (mut from, mut label) = (0, 0);
     for cell in cells {
@@ -155,10 +156,10 @@ impl LabelMesh {
         self.parts.counts(part)
     }
 
-    /// Writes some of the parts into an empty file; data that has to wait goes to anonymous files in `scratch`.
+    /// Writes some of the parts into an empty file; pending data goes to anonymous files in `scratch`.
     ///
     /// # Errors
-    /// The disk's, and what the format cannot hold.
+    /// Errors of the disk, and limits of the format.
     pub(crate) fn write(
         &self,
         form: ExportForm,
@@ -189,7 +190,7 @@ impl LabelMesh {
         Ok(exported)
     }
 
-    /// Heads of parts that follow each other in a file.
+    /// Heads of consecutive parts of a file.
     fn heads(&self, which: Range<usize>) -> Result<Vec<PartHead>, ExportStop> {
         let (mut heads, mut first) = (Vec::new(), 0);
         for (part, label) in which.clone().zip(self.labels.get(which).unwrap_or_default()) {
@@ -212,7 +213,7 @@ impl LabelMesh {
         Ok(heads)
     }
 
-    /// Hands on a part's triangles; with where their corners are, if that is asked for.
+    /// Passes on a part's triangles; with the positions of their corners if `placed` is set.
     fn triangles(&self, part: usize, first: u32, sink: &mut dyn Sink, placed: bool) -> io::Result<()> {
         let mut places = Vec::new();
         if placed {
@@ -229,7 +230,7 @@ impl LabelMesh {
     }
 }
 
-/// A label's name, or its number where it has none.
+/// A label's name, or its number if it has none.
 pub(crate) fn part_name(label: &Label) -> String {
     if label.name.is_empty() { format!("label {}", label.number) } else { label.name.clone() }
 }

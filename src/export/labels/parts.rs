@@ -1,4 +1,4 @@
-//! Vertices and triangles of each label, which wait on disk until all are known.
+//! Vertices and triangles of each label, on disk until all are known.
 //!
 //! Memory: 2 MiB for all buffers, and less than 1 KiB a label more.
 
@@ -8,10 +8,10 @@ use std::io;
 use crate::export::write::{bytes_of, counted};
 use crate::scratch::Chains;
 
-/// Bytes of a vertex: its place and its normal; and of a triangle.
+/// Bytes of a vertex: its position and its normal; and of a triangle.
 const VERTEX: usize = 24;
 const TRIANGLE: usize = 12;
-/// Bytes of all buffers, unless there are so many labels that chunks would be shorter than the least.
+/// Bytes of all buffers, unless so many labels would make chunks shorter than the minimum.
 const BUFFERS: usize = 2 << 20;
 const LEAST: usize = 20 * VERTEX;
 const MOST: usize = 2048 * VERTEX;
@@ -24,13 +24,13 @@ struct Part {
     high: [f32; 3],
 }
 
-/// A vertex: where it is in mm, and its normal, of length 1 or zeros.
+/// A vertex: its position in mm, and its normal, a unit vector or zeros.
 pub(super) type Point = [[f32; 3]; 2];
 
 /// The surfaces of all labels.
 #[derive(Debug)]
 pub(super) struct Parts {
-    /// Vertices of part `n` are key `2 n`, its triangles the next one.
+    /// Vertices of part `n` have key `2 n`, its triangles the next one.
     records: Chains,
     parts: Vec<Part>,
 }
@@ -53,7 +53,7 @@ impl Parts {
         self.parts.get(part).map_or([[0.0; 3]; 2], |part| [part.low, part.high])
     }
 
-    /// Adds a vertex, and gives its number within its part.
+    /// Adds a vertex, and returns its number within its part.
     #[inline]
     pub(super) fn vertex(&mut self, part: usize, point: &Point) -> io::Result<u32> {
         let Some(of) = self.parts.get_mut(part) else { return Ok(0) };

@@ -1,5 +1,5 @@
-//! The corner of a cell between labels by its stored walls: on its plane, or nearest to both of its planes. On a thin
-//! sheet, which has one label on both sides, each side has a corner of its own.
+//! Position of a cell's corner between labels by its stored walls: on its plane, or nearest to both of its planes. On a
+//! thin sheet, which has one label on both sides, each side has a corner of its own.
 
 use super::cell::distinct;
 use crate::export::cases::{Case, ENDS};
@@ -9,12 +9,12 @@ use crate::format::cell::{CORNERS, Plane};
 use crate::format::{CornerLabels, Walls};
 use crate::render::GridSpace;
 
-/// Most that a corner is moved along an axis: it stays in its cell, apart from those of other cells.
+/// Limit to the movement of a corner along an axis: it stays in its cell, apart from corners of other cells.
 const WITHIN: f64 = 0.49;
-/// Keeps the vertex of several walls near the middle where they do not determine it, as a part of a wall's weight.
+/// Weight, relative to a wall's, that keeps the vertex of several walls near the middle where they do not determine it.
 const STAY: f64 = 0.05;
-/// How far a knot lies from the middle of its face towards a sample, in parts of the way; where no corner is moved,
-/// it only keeps pairs of polygons apart.
+/// Distance of a knot from the middle of its face, as a fraction of the way to a sample; where no corner is moved, it
+/// only keeps pairs of polygons apart.
 const KNOT: f64 = 0.25;
 const SLIGHT: f64 = 1.0 / 32.0;
 
@@ -26,42 +26,42 @@ pub(super) struct Spot {
     pub(super) sheet: Option<Sheet>,
 }
 
-/// How corners are placed.
+/// Placement of corners.
 pub(super) struct Placing<'a> {
     space: &'a GridSpace,
-    /// Most voxels along an axis that a corner is moved from the middle of its cell.
+    /// Limit to the movement of a corner from the middle of its cell, in voxels along an axis.
     most: f64,
 }
 
 impl<'a> Placing<'a> {
-    /// CornerLabels are moved by at most so many voxels along each axis; at 0 walls are those between the samples' boxes.
+    /// Moves corners by at most so many voxels along each axis; at 0 walls are the faces between the samples' boxes.
     pub(super) fn new(space: &'a GridSpace, most: f64) -> Self {
         Self { space, most: most.clamp(0.0, WITHIN) }
     }
 
-    /// How far a knot lies from the middle of its face, in parts of the way to a sample.
+    /// Distance of a knot from the middle of its face, as a fraction of the way to a sample.
     pub(super) fn knot(&self) -> f64 {
         if self.most > 0.0 { KNOT } else { SLIGHT }
     }
 
-    /// Are walls those between the samples' boxes?
+    /// True if walls are the faces between the samples' boxes.
     pub(super) fn is_blocky(&self) -> bool {
         self.most == 0.0
     }
 
-    /// A corner that is moved no farther than it may be.
+    /// A corner within the limit of its movement.
     pub(super) fn within(&self, at: [f64; 3]) -> [f64; 3] {
         at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 })
     }
 
-    /// A normal in mm, by one in index space of any length.
+    /// A unit normal in mm, from one in index space of any length.
     pub(super) fn in_mm(&self, normal: [f64; 3]) -> [f32; 3] {
         unit(singles(self.space.index_normal_to_world(normal)))
     }
 }
 
-/// The point nearest to planes, each by its unit normal and its distance along it; near the middle where they do not
-/// say more.
+/// The point nearest to planes, each given by its unit normal and its distance along it; near the middle where the
+/// planes do not determine it.
 pub(super) fn nearest(planes: impl IntoIterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
     let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
     (0..3).for_each(|a| matrix[a][a] = STAY);
@@ -88,10 +88,11 @@ fn solved(matrix: &[[f64; 3]; 3], right: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The parts of a cell by the two planes that a point is in front of: behind the first, and on both sides of the second.
+/// Parts of a cell by the two planes, indexed by bits for being in front of them: behind the first, and on either side
+/// of the second.
 const PARTS: [usize; 4] = [0, 1, 0, 2];
 
-/// A plane in voxels from the middle of its cell: the unit normal, and the distance along it.
+/// A plane in voxels, relative to the middle of its cell: the unit normal, and the distance along it.
 type InVoxels = ([f64; 3], f64);
 
 fn in_voxels(plane: &Plane) -> InVoxels {
@@ -108,14 +109,14 @@ fn foot((normal, along): InVoxels) -> [f64; 3] {
 /// The two sides of a thin sheet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sheet {
-    /// Where their corners are, in voxels from the middle, and their planes' normals in mm.
+    /// Positions of their corners, in voxels from the middle, and their planes' normals in mm.
     sides: [([f64; 3], [f32; 3]); 2],
     /// The part in which each corner of the cell lies.
     part_of: [usize; CORNERS],
 }
 
 impl Sheet {
-    /// The side on which a patch of a label lies: its corner, and the normal out of the label. `None` of a patch that
+    /// The side on which a patch of a label lies: its corner, and the normal out of the label. `None` for a patch that
     /// goes around the sheet's edge.
     pub(super) fn side(
         &self,
@@ -140,7 +141,7 @@ impl Sheet {
 }
 
 impl Placing<'_> {
-    /// Places the corner of a cell; `corners` have the parts of a table in the place of labels.
+    /// Places the corner of a cell; `corners` hold indices into a table in place of labels.
     pub(super) fn by_walls(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
         if self.is_blocky() {
             return Spot::default();
@@ -167,7 +168,7 @@ impl Placing<'_> {
         spot
     }
 
-    /// A corner where the walls of voxels meet, with the normals of the stored walls.
+    /// A corner at the point where the walls of voxels meet, with the normals of the stored walls.
     pub(super) fn in_the_middle(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
         Spot { at: [0.0; 3], sheet: None, ..self.by_walls(walls, corners) }
     }
@@ -197,7 +198,7 @@ impl Placing<'_> {
         spot
     }
 
-    /// In the middle, where octants meet.
+    /// A corner in the middle of its cell, with normals from the octants of each label.
     fn in_octants(&self, corners: &CornerLabels, labels: &[u16]) -> Spot {
         let mut spot = Spot::default();
         for (label, normal) in labels.iter().zip(&mut spot.normals) {
@@ -211,7 +212,7 @@ impl Placing<'_> {
     }
 }
 
-/// The label of the corners that are in front of these planes, by either number.
+/// The label of the corners with either of these bits for being in front of the planes.
 fn label_of(walls: &Walls, corners: &CornerLabels, fronts: [usize; 2]) -> u16 {
     (0..CORNERS)
         .find(|corner| fronts.contains(&walls.corner_fronts(*corner)))

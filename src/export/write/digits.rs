@@ -1,8 +1,8 @@
-//! Numbers as text, several times as fast as by formatting: the same text, or another of the same number.
+//! Numbers as text, several times as fast as by formatting: the same text, or another one of equal value.
 
-/// Powers of ten by which a single is multiplied without rounding, in doubles.
+/// Powers of ten by which a single can be multiplied without rounding, in doubles.
 const TENS: [f64; 10] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9];
-/// Numbers from here on are left to formatting.
+/// Limit from which numbers are left to formatting.
 const LARGE: f32 = 1e7;
 
 /// Appends a whole number.
@@ -20,7 +20,7 @@ pub(super) fn whole(out: &mut Vec<u8>, mut number: u64) {
     out.extend_from_slice(&digits[at..]);
 }
 
-/// Appends a number of so many tens' parts, `decimals` digits behind the point; 0 for a whole number.
+/// Appends a number given in units of its last decimal, with `decimals` digits behind the point; 0 for a whole number.
 fn parts(out: &mut Vec<u8>, negative: bool, parts: u64, decimals: usize) {
     if negative {
         out.push(b'-');
@@ -31,12 +31,12 @@ fn parts(out: &mut Vec<u8>, negative: bool, parts: u64, decimals: usize) {
         out.push(b'.');
         let start = out.len();
         whole(out, unit + parts % unit);
-        // The unit's 1 has held the zeros' places.
+        // The leading 1 kept the places of zeros.
         out.remove(start);
     }
 }
 
-/// Appends the fewest decimals that are read as this number.
+/// Appends the fewest decimals that are read back as this number.
 pub(super) fn shortest(out: &mut Vec<u8>, number: f32) {
     let size = number.abs();
     if size < LARGE {

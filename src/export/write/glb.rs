@@ -1,7 +1,7 @@
 //! Binary glTF 2.0: a header of JSON, then positions, normals, colours (linear) and corners of triangles (Khronos, sections 3 and 4).
 //!
-//! Coordinates stay millimetres of the patient's axes; the node turns them into the metres of glTF, with the head up
-//! and the face forward.
+//! Coordinates stay millimetres of the patient's axes; the node maps them to the metres of glTF, with the head up and
+//! the face forward.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use super::{Output, Sink, Vertex, Waiting, bytes_of, counted};
 /// Bytes of the JSON, filled with spaces.
 const JSON_BYTES: usize = 1536;
 
-/// Bytes before the positions: the file's header, the JSON with its own, and the header of what follows.
+/// Bytes before the positions: the file's header, the JSON with its header, and the header of the binary data.
 const HEAD_BYTES: usize = 12 + 8 + JSON_BYTES + 8;
 
 pub(super) const FLOAT: u32 = 5126;
@@ -41,7 +41,7 @@ pub(in crate::export) struct Glb {
 }
 
 impl Glb {
-    /// `normals` and `colors` are where they wait, if there are any; so do `corners`.
+    /// `normals` and `colors` are files for their pending data, if there are any; so is `corners`.
     pub(in crate::export) fn new(
         out: File,
         normals: Option<File>,
@@ -90,7 +90,7 @@ impl Glb {
                 "count": self.vertices, "type": "VEC4",
             }));
             offset += bytes;
-            // It is multiplied by those of vertices.
+            // The base colour is multiplied by the vertices' colours.
             base_color = json!([1.0, 1.0, 1.0, 1.0]);
         }
         let last = views.len();
@@ -128,7 +128,7 @@ impl Sink for Glb {
         }
         self.out.write_all(&bytes_of(vertex.at))?;
         if let Some(colors) = &mut self.colors {
-            // Opaque, and four of two bytes as parts of a vertex begin at multiples of four.
+            // Opaque colours, of four components of two bytes: attributes must begin at multiples of four.
             let [r, g, b] = vertex.light.map(u16::to_le_bytes);
             colors.0.write_all(&bytemuck::cast::<_, [u8; 8]>([r, g, b, [255; 2]]))?;
         }

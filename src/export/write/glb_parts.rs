@@ -1,7 +1,7 @@
 //! Binary glTF 2.0 of several parts: a node, a mesh and a material for each, below one node that turns them all.
 //!
-//! The counts of parts are known before, so the description comes first and all else is written as it comes: the vertices
-//! of a part (place and normal in turns), then its triangles.
+//! The counts of parts are known in advance, so the description comes first and all else is written as it comes: the
+//! vertices of a part (position and normal in turns), then its triangles.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -38,7 +38,7 @@ impl GlbParts {
     }
 }
 
-/// Counts what is written.
+/// Counts the bytes written.
 struct Length(u64);
 
 impl Write for Length {
@@ -104,7 +104,7 @@ fn list(out: &mut dyn Write, name: &str, items: &mut dyn Iterator<Item = Value>)
     out.write_all(b"]")
 }
 
-/// The accessors of a part: places, normals if there are any, and corners.
+/// The accessors of a part: positions, normals if there are any, and corners.
 fn accessors(number: usize, part: &PartHead, stride: u64) -> impl Iterator<Item = Value> {
     let view = 2 * number;
     let places = json!({

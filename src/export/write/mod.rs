@@ -1,6 +1,6 @@
 //! Files of triangles and points, written as they are made.
 //!
-//! Where a format wants counts first, or all corners before all triangles, the rest waits in an anonymous file.
+//! Where a format needs counts first, or all corners before all triangles, the rest waits in an anonymous file.
 
 mod digits;
 mod glb;
@@ -23,7 +23,7 @@ use std::io::{self, BufReader, BufWriter, Seek, Write};
 use crate::export::fault::ExportFault;
 use crate::export::tint::Light;
 
-/// A vertex: where it is in mm, its normal, of length 1 or zeros, and its colour.
+/// A vertex: its position in mm, its normal, a unit vector or zeros, and its colour.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Vertex {
     pub(in crate::export) at: [f32; 3],
@@ -31,12 +31,13 @@ pub(in crate::export) struct Vertex {
     pub(in crate::export) light: Light,
 }
 
-/// What is known of a part before its vertices: those of one part follow each other, with their triangles behind them.
+/// Facts of a part that are known before its vertices: the vertices of one part are contiguous, with their triangles
+/// behind them.
 #[derive(Clone, Debug, Default)]
 pub(in crate::export) struct PartHead {
     pub(in crate::export) label: u16,
     pub(in crate::export) name: String,
-    /// sRGB.
+    /// Colour (sRGB).
     pub(in crate::export) color: [u8; 3],
     pub(in crate::export) vertices: u64,
     pub(in crate::export) triangles: u64,
@@ -47,19 +48,19 @@ pub(in crate::export) struct PartHead {
     pub(in crate::export) first: u32,
 }
 
-/// Takes the vertices in order, and triangles of vertices that came before.
+/// Consumer of vertices in order, and of triangles of vertices that came before.
 pub(in crate::export) trait Sink: Send {
     /// # Errors
-    /// The disk's.
+    /// Errors of the disk.
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()>;
 
-    /// A triangle by the numbers of its corners and by where these are; seen from outside they run anticlockwise.
+    /// A triangle by the numbers of its corners and their positions; seen from outside they run anticlockwise.
     fn triangle(&mut self, corners: [u32; 3], at: [[f32; 3]; 3]) -> io::Result<()>;
 
-    /// The next layer begins: no triangle has a corner before `first` from here on.
+    /// The next layer begins: from here on no triangle has a corner before `first`.
     ///
     /// # Errors
-    /// The disk's.
+    /// Errors of the disk.
     fn layer(&mut self, _first: u32) -> io::Result<()> {
         Ok(())
     }
@@ -67,10 +68,10 @@ pub(in crate::export) trait Sink: Send {
 
 /// A file of vertices and triangles.
 pub(in crate::export) trait Output: Sink {
-    /// Begins a part; not called for a surface that is one.
+    /// Begins a part; not called for a surface without parts.
     ///
     /// # Errors
-    /// The disk's.
+    /// Errors of the disk.
     fn part(&mut self, _: &PartHead) -> io::Result<()> {
         Ok(())
     }
@@ -78,7 +79,7 @@ pub(in crate::export) trait Output: Sink {
     /// Completes the file.
     ///
     /// # Errors
-    /// The disk's; [`ExportFault::TooLong`] where the format cannot count so far.
+    /// Errors of the disk; [`ExportFault::TooLong`] where the format cannot hold a count.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
@@ -87,7 +88,7 @@ pub(super) fn counted(needed: u64) -> io::Result<u32> {
     u32::try_from(needed).map_err(|_| ExportFault::TooLong { needed }.into())
 }
 
-/// Bytes that wait in an anonymous file until others are written.
+/// Bytes that are kept in an anonymous file until others are written.
 #[derive(Debug)]
 pub(super) struct Waiting(pub(super) BufWriter<File>);
 
@@ -109,7 +110,7 @@ pub(super) fn bytes_of(v: [f32; 3]) -> [u8; 12] {
     bytemuck::cast(v.map(f32::to_le_bytes))
 }
 
-/// A normal of length 1; zeros stay.
+/// The unit vector of a normal; zeros stay.
 pub(in crate::export) fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     if length > 0.0 && length.is_finite() { v.map(|c| c / length) } else { [0.0; 3] }

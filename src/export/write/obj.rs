@@ -1,5 +1,5 @@
-//! Wavefront OBJ: text, corners and triangles in turns; an object for each part, whose corners have its colour behind
-//! their places, as most programs read it.
+//! Wavefront OBJ: text, corners and triangles in turns; an object for each part, whose corners have its colour after
+//! their positions, as most programs read it.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

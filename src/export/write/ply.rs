@@ -15,7 +15,7 @@ pub(in crate::export) struct Ply {
     /// Triangles; none for a file of points.
     faces: Option<Waiting>,
     normals: bool,
-    /// Turns light into colours, if there are any.
+    /// Conversion of light to colours, if there are any.
     colors: Option<Shader>,
     /// The label of the present part, if triangles have labels.
     label: Option<u16>,
@@ -36,7 +36,7 @@ impl Ply {
         Ok(Self { out, faces, normals, colors, label: None, vertices: 0, triangles: 0 })
     }
 
-    /// The same, with the label of each triangle.
+    /// The writer, with the label of each triangle.
     pub(in crate::export) fn with_labels(self) -> Self {
         Self { label: Some(0), ..self }
     }

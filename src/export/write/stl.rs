@@ -1,4 +1,4 @@
-//! Binary STL: 80 bytes of anything, a count, and 50 bytes a triangle.
+//! Binary STL: 80 arbitrary bytes, a count, and 50 bytes a triangle.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};

@@ -1,6 +1,6 @@
 //! 3MF: objects of triangles with names and colours, as XML in a ZIP archive (3MF Core Specification 1.3; PKWARE APPNOTE 4.3).
 //!
-//! An object's triangles come behind all its vertices, and wait for them in an anonymous file.
+//! An object's triangles follow all its vertices, and wait for them in an anonymous file.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -23,9 +23,9 @@ const BEGIN: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <basematerials id="1">
 "#;
 
-/// The resource that holds the colours, and the first that is an object.
+/// The resource of the colours, and the first one of an object.
 const FIRST_OBJECT: u64 = 2;
-/// Text that waits to be compressed.
+/// Bytes of text that are buffered before compression.
 const TEXT: usize = 1 << 16;
 /// Version 2.0 of the archive's format: deflated members. Members have a date: 1 January 1980.
 const VERSION: u16 = 20;
@@ -33,7 +33,7 @@ const DATE: u16 = 0x0021;
 const STORED: u16 = 0;
 const DEFLATED: u16 = 8;
 
-/// A member of the archive, and where its header begins.
+/// A member of the archive, and the offset of its header.
 struct Member {
     name: &'static str,
     method: u16,
@@ -44,7 +44,7 @@ struct Member {
 }
 
 impl Member {
-    /// What stands in its header and in the list.
+    /// Fields common to its header and to the archive's directory.
     fn record(&self) -> io::Result<Vec<u8>> {
         let length = u16::try_from(self.name.len()).map_err(io::Error::other)?;
         let mut record = Vec::new();
@@ -85,7 +85,7 @@ pub(in crate::export) struct ThreeMf {
 }
 
 impl ThreeMf {
-    /// `triangles` is where they wait.
+    /// `triangles` is the file for pending triangles.
     pub(in crate::export) fn new(out: File, parts: &[PartHead], triangles: File) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 18, out);
         let mut members = Vec::new();

@@ -1,14 +1,13 @@
-//! Bits of stated probabilities in words of 32 bits: a range coder (SPEC 5.6).
+//! Bits of given probabilities in words of 32 bits: a range coder (SPEC 5.6).
 
 use super::CodingError;
 
-/// Least and most of a probability that is coded, of 65536: no bit is certain.
+/// Least and greatest coded probability, of 65536: bits are never certain.
 pub(super) const PROBABILITIES: [u32; 2] = [24, 65512];
 
-/// Either direction of coding: an encoder writes the bits that it is given, a decoder ignores them and returns those
-/// that it reads.
+/// Either direction of coding: an encoder writes the given bits, a decoder ignores them and returns the bits it reads.
 pub(super) trait BitCoder {
-    /// Is what comes back not what was given?
+    /// True for a decoder, whose results may differ from the given bits.
     const READS: bool;
 
     /// Codes a bit that is 1 with a probability of `one` in 65536.
@@ -27,7 +26,7 @@ impl BitEncoder {
         Self { low: 0, range: u64::MAX, words: Vec::new() }
     }
 
-    /// Raises the low end of the range; what it passes is carried into the words.
+    /// Raises the low end of the range; an overflow is carried into the words.
     #[inline(always)]
     fn raise(&mut self, by: u64) {
         let (low, carries) = self.low.overflowing_add(by);
@@ -42,7 +41,7 @@ impl BitEncoder {
         }
     }
 
-    /// The payload: the shortest of whole words that, with zeros behind it, lies in the range.
+    /// The payload: the shortest sequence of words that, followed by zeros, lies in the range.
     pub(super) fn finish(mut self) -> Vec<u8> {
         self.raise(u64::from(u32::MAX));
         self.words.push((self.low >> 32) as u32);
@@ -73,11 +72,11 @@ impl BitCoder for BitEncoder {
 
 #[derive(Debug)]
 pub(super) struct BitDecoder<'a> {
-    /// How far the payload is above the low end of the range.
+    /// Difference between the payload and the low end of the range.
     above: u64,
     range: u64,
     words: &'a [[u8; 4]],
-    /// Place of the next word; beyond the end, zeros are read.
+    /// Index of the next word; past the end, zeros are read.
     at: usize,
 }
 
@@ -85,7 +84,7 @@ impl<'a> BitDecoder<'a> {
     /// Starts on a payload.
     ///
     /// # Errors
-    /// It does not hold whole words.
+    /// The length is not a multiple of a word.
     pub(super) fn new(payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<4>();
         if words.is_empty() || !rest.is_empty() {
@@ -104,10 +103,10 @@ impl<'a> BitDecoder<'a> {
         word.into()
     }
 
-    /// Is there anything left to read, or was a word read beyond the one of zeros behind the payload?
+    /// Checks that at most one word of zeros was read past the end of the payload.
     ///
     /// # Errors
-    /// The latter.
+    /// More were read.
     #[inline(always)]
     pub(super) fn check(&self) -> Result<(), CodingError> {
         if self.at > self.words.len() + 1 { Err(CodingError::GroupCut) } else { Ok(()) }
@@ -116,7 +115,7 @@ impl<'a> BitDecoder<'a> {
     /// Checks that the payload was used up.
     ///
     /// # Errors
-    /// It was not, or ended early.
+    /// Words are left, or the payload ended early.
     pub(super) fn finish(self) -> Result<(), CodingError> {
         self.check()?;
         if self.at <= self.words.len() { Err(CodingError::GroupSurplus) } else { Ok(()) }
@@ -148,7 +147,7 @@ impl BitCoder for BitDecoder<'_> {
 mod tests {
     use super::*;
 
-    /// Bits of every skew, some against all odds.
+    /// Bits of every skew, some against the odds.
     fn code(coder: &mut impl BitCoder, count: u32) -> Vec<bool> {
         (0..count)
             .map(|i| {
@@ -178,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Ones at the top of the range carry through all words before.
+    /// Ones at the top of the range carry through all previous words.
     #[test]
     fn a_carry_goes_through_full_words() {
         let mut encoder =

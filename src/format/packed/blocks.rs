@@ -1,5 +1,4 @@
-//! The voxels of a group's subtrees in Morton order, each with a window on those around it that are coded already
-//! (SPEC 5.7).
+//! The voxels of a group's subtrees in Morton order, each with a window on the coded voxels around it (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "places of the grid fit 16 bits, steps 32")]
 
 use super::CodingError;
@@ -17,15 +16,15 @@ const SLICE: usize = ROW * ROW;
 const PLACES: usize = ROW * SLICE;
 /// Place of a block's first voxel.
 const FIRST: usize = 2 * (SLICE + ROW + 1);
-/// Place of the voxel itself in its window, which reaches two slices back and one slice and row on.
+/// Index of the voxel itself in its window, which extends two slices back and one slice and row forward.
 pub(super) const SELF: usize = 2 * SLICE;
 const WINDOW: usize = SELF + 1 + SLICE + ROW;
 
-/// The places around a voxel, which is at [`SELF`].
+/// The surroundings of a voxel, which is at [`SELF`].
 pub(super) type Window = [Octet; WINDOW];
 
-/// A neighbour that Morton order can have before a voxel: its place in the window and the step to it. (Three faces,
-/// three edges and a corner always come after it.)
+/// A neighbour that can precede a voxel in Morton order: its index in the window and the step to it. (Three faces,
+/// three edges and a corner always follow it.)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbour {
     pub(super) at: usize,
@@ -48,7 +47,7 @@ const fn neighbours<const N: usize>(axes: i32) -> [Neighbour; N] {
     all
 }
 
-/// Across a face, an edge, a corner; each by z, y, x.
+/// Neighbours across a face, an edge, a corner; each by z, y, x.
 pub(super) const FACES: [Neighbour; 3] = neighbours(1);
 /// See [`FACES`].
 pub(super) const EDGES: [Neighbour; 9] = neighbours(2);
@@ -56,10 +55,10 @@ pub(super) const EDGES: [Neighbour; 9] = neighbours(2);
 pub(super) const CORNERS: [Neighbour; 7] = neighbours(3);
 
 pub(super) trait VoxelCoder {
-    /// Before the first voxel of a subtree.
+    /// Called before the first voxel of a subtree.
     fn begin_subtree(&mut self);
 
-    /// Codes the voxel of this number in the group, and notes in the window what its neighbours will need.
+    /// Codes the voxel of this number in the group, and stores in the window the data that its neighbours will need.
     fn code_voxel<C: SymbolCoder>(
         &mut self,
         coder: &mut C,
@@ -88,7 +87,7 @@ impl Blocks {
     /// Codes all voxels of a group.
     ///
     /// # Errors
-    /// Those of the coder; the group's levels do not belong together.
+    /// The errors of the coder, or levels of the group that do not belong together.
     #[inline(always)]
     pub(super) fn code<C: SymbolCoder, V: VoxelCoder>(
         &mut self,

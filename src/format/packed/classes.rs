@@ -1,7 +1,7 @@
-//! Small differences between what was expected and what is, as symbols and classes (SPEC 5.7).
+//! Small differences between expected and actual values, as symbols and classes (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "classes and shares are small")]
 
-/// Least magnitude and further bits, the sign's among them, of each symbol of a magnitude below 256.
+/// Least magnitude and number of further bits, the sign included, of each symbol of a magnitude below 256.
 pub(super) const TOKENS: [(u32, u32); 16] = [
     (0, 0),
     (1, 1),
@@ -40,7 +40,7 @@ pub(super) fn token_of(magnitude: u32) -> usize {
     usize::from(TOKEN_OF[magnitude as usize % 256])
 }
 
-/// So many further bits of a difference: how far its magnitude is above the least, then the sign; of 0 none.
+/// The `bits` further bits of a difference: excess of its magnitude over the least, then the sign; none for 0.
 #[inline(always)]
 pub(super) fn low_bits(token: usize, bits: u32, difference: i32) -> u32 {
     let least = TOKENS[token % 16].0;
@@ -66,11 +66,11 @@ pub(super) static SHARES: [i32; 64] = {
     shares
 };
 
-/// Classes of magnitudes: how many of some limits each is above.
+/// Classes of magnitudes: the number of limits that each exceeds.
 pub(super) struct Classes([u8; 512]);
 
 impl Classes {
-    /// With limits that rise, below 511.
+    /// Classes with ascending limits, below 511.
     pub(super) const fn new(limits: &[usize]) -> Self {
         let mut classes = [0; 512];
         let mut value = 0;

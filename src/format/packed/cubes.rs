@@ -1,4 +1,4 @@
-//! Infobytes of cubes bit by bit, each in the contexts of all boxes around it that are known (SPEC 5.6, 5.9).
+//! Infobytes of cubes bit by bit, each in the contexts of all known boxes around it (SPEC 5.6, 5.9).
 #![expect(clippy::cast_possible_truncation, reason = "small fields of windows are wanted")]
 
 use super::bits::{BitCoder, BitDecoder, BitEncoder};
@@ -10,15 +10,15 @@ use crate::cpu::Lanes;
 
 /// Rows along a side of a grid: 128 cells and a border of two.
 const SIDE: usize = (1 << CUBE_DEPTH) + 4;
-/// Bytes of a row; of its last bits two are read together.
+/// Bytes of a row, with one to spare: bytes are read in pairs.
 const ROW: usize = SIDE / 8 + 2;
 
-/// Bytes that a node's children are in, those of the boxes around it, and those of the nodes around it.
+/// Bytes that span a node's children, the boxes around it, and the nodes around it.
 const CHILDREN: usize = (SIDE + 1) * ROW + 1;
 const BOXES: usize = (4 * SIDE + 5) * ROW;
 const NODES: usize = (3 * SIDE + 4) * ROW;
 
-/// Boxes of one depth of a cube: bit x + 2 of the row at (z + 2) * SIDE + y + 2 says whether there is one.
+/// Boxes of one depth of a cube: bit x + 2 of the row at (z + 2) * SIDE + y + 2 is set where a box exists.
 #[derive(Debug)]
 struct Grid(Vec<u8>);
 
@@ -27,13 +27,13 @@ impl Grid {
         Self(vec![0; SIDE * SIDE * ROW])
     }
 
-    /// The rows from two before that of a box on, from the byte with the box two before it on.
+    /// Bytes from the row two before the row of a box on, and in it from the byte of the box two before on.
     #[inline(always)]
     fn around<const BYTES: usize>(&self, first: usize, x: usize) -> Option<&[u8; BYTES]> {
         self.0.get(first * ROW + x / 8..)?.first_chunk()
     }
 
-    /// The boxes of a node's children, from the four rows that they are in.
+    /// The boxes of a node's children, from the four rows that hold them.
     #[inline(always)]
     fn children(&self, place: Place) -> u8 {
         let (first, at) = first_child(place);
@@ -44,7 +44,7 @@ impl Grid {
         two(0) | two(1) << 2 | two(SIDE) << 4 | two(SIDE + 1) << 6
     }
 
-    /// Puts others in the place of the boxes of a node's children.
+    /// Replaces the boxes of a node's children.
     #[inline(always)]
     fn set_children(&mut self, place: Place, mask: u8) {
         let (first, at) = first_child(place);
@@ -56,7 +56,7 @@ impl Grid {
         }
     }
 
-    /// Changes the byte of a node.
+    /// Replaces the byte of a node.
     #[inline(always)]
     fn set(&mut self, [x, y, z]: [usize; 3], byte: u8) {
         if let Some(place) = self.0.get_mut(row_of(y, z) * ROW + (x + 2) / 8) {
@@ -70,14 +70,14 @@ fn row_of(y: usize, z: usize) -> usize {
     (z + 2) * SIDE + y + 2
 }
 
-/// The byte of a node's first child, and its place there.
+/// Index of the byte of a node's first child, and its bit in the byte.
 #[inline(always)]
 fn first_child(place: Place) -> (usize, usize) {
     let [x, y, z] = coordinates(place).map(|c| 2 * c);
     (row_of(y, z) * ROW + (x + 2) / 8, (x + 2) % 8)
 }
 
-/// The six boxes of a row from a place of its first byte on, in the lowest bits.
+/// Six boxes of a row, from bit `at` of its first byte on, in the lowest bits.
 #[inline(always)]
 fn six(rows: &[u8], row: usize, at: usize) -> u64 {
     u64::from(u16::from_le_bytes([rows[row * ROW], rows[row * ROW + 1]]) >> (at % 8) & 63)
@@ -89,9 +89,9 @@ pub(crate) struct NodeCoder {
     mixer: Mixer,
     prior: &'static Prior,
     nodes: Grid,
-    /// Boxes below the nodes: of one that is not coded yet, all.
+    /// Boxes below the nodes; all set below a node that is not coded yet.
     boxes: Grid,
-    /// What an encoder has to code.
+    /// The boxes to code, for an encoder.
     given: Option<Grid>,
     places: Vec<Place>,
     next: Vec<Place>,
@@ -129,7 +129,7 @@ impl GroupCoder for NodeCoder {
         let mut decoder = BitDecoder::new(payload)?;
         let result = self.code(isa, &mut decoder, group, BitDecoder::check).and_then(|()| decoder.finish());
         if result.is_err() {
-            // Boxes of the cube that went wrong are left.
+            // Boxes of the damaged cube remain in the grids.
             (self.nodes, self.boxes) = (Grid::new(), Grid::new());
         }
         result
@@ -139,9 +139,9 @@ impl GroupCoder for NodeCoder {
 /// The nodes of one depth of a cube.
 #[derive(Clone, Copy)]
 struct Depth {
-    /// 0 for nodes of voxels, 1 for those above, 2 for others.
+    /// 0 for nodes of voxels, 1 for nodes directly above, 2 for others.
     class: usize,
-    /// May a node be a larger leaf?
+    /// True if a node may be a larger leaf.
     has_leaves: bool,
 }
 
@@ -158,7 +158,7 @@ impl NodeCoder {
         let mut begins = [0; CUBE_DEPTH as usize];
         (group.voxels, group.leaves) = (0, 0);
         for _ in 0..group.subtrees {
-            // A group that goes on after it is full could be longer than memory.
+            // A group that continues after it is full could exceed memory.
             if group.voxels + group.leaves >= Self::VOXELS {
                 return Err(CodingError::GroupSubtrees { subtrees: group.subtrees });
             }
@@ -263,7 +263,7 @@ impl NodeCoder {
             self.mixer.fetch(with_own(keys, octant, 0));
         }
         let mut node = Node { keys, sums: self.prior.sums(around.inputs(class)), class, given, mask: 0 };
-        // Octants as constants: shifts and places of tables are known.
+        // Octants as constants, so that shifts and table indices are known at compile time.
         self.code_octant(isa, coder, &mut node, 0);
         self.code_octant(isa, coder, &mut node, 1);
         self.code_octant(isa, coder, &mut node, 2);
@@ -283,7 +283,7 @@ impl NodeCoder {
     fn code_octant<C: BitCoder>(&mut self, isa: impl Lanes, coder: &mut C, node: &mut Node, octant: usize) {
         let mask = usize::from(node.mask);
         if (1..5).contains(&octant) {
-            // The bits to come stay within a line.
+            // The next bits stay within a cache line.
             self.mixer.fetch(with_own(&node.keys[octant + 3], octant + 3, mask));
         }
         let keys = with_own(&node.keys[octant], octant, mask);
@@ -300,7 +300,7 @@ struct Node {
     keys: [[usize; 3]; 8],
     sums: Sums,
     class: usize,
-    /// The boxes that an encoder has to code.
+    /// The boxes to code, for an encoder.
     given: u8,
     /// Boxes that are coded.
     mask: u8,
@@ -309,12 +309,12 @@ struct Node {
 /// Odd numbers whose products have well mixed high bits.
 const FACTORS: [u64; 2] = [0x9e37_79b9_7f4a_7c15, 0xd6e8_feb8_6659_fd93];
 
-/// Keys of an octant with the node's bits so far: the last three are lowest, so that the others are known early.
+/// Keys of an octant with the node's bits so far: the last three are lowest, so that the rest is known early.
 #[inline(always)]
 fn with_own(keys: &[usize; 3], octant: usize, own: usize) -> [usize; 3] {
     let early = octant.saturating_sub(3);
     let turned = |own: usize| own >> early | (own & ((1 << early) - 1)) << 3;
-    // Across a corner is not near.
+    // The box across a corner is not a near one.
     [
         keys[0] ^ turned(own & !(1 << (7 - octant))) << 8,
         keys[1] ^ turned(own) << 8,
@@ -327,7 +327,7 @@ fn hash(fields: u64, factor: u64) -> usize {
     (fields.wrapping_mul(factor) >> (64 - KEY_BITS)) as usize
 }
 
-/// The 26 boxes around the first of a window's 3 x 3 x 3, and those of them across faces and edges.
+/// The 26 boxes around the first of a window's 3 x 3 x 3, and the boxes among them across faces and edges.
 const ALL: u64 = {
     let (mut all, mut i) = (0, 0);
     while i < 27 {
@@ -345,17 +345,18 @@ const NEAR: u64 = {
     near
 };
 
-/// What is known around a node, its own boxes 0. Rows of boxes are six, from two before its first; rows of nodes, too.
+/// Known boxes around a node, with its own boxes 0. Rows of boxes have six bits, from two before the node's first; rows
+/// of nodes as well.
 struct Around {
-    /// At z - 1, y - 2 to y + 3 (in boxes).
+    /// Rows at z - 1, y - 2 to y + 3 (in boxes).
     below: [u64; 6],
-    /// At z - 2, y - 1 to y + 2.
+    /// Rows at z - 2, y - 1 to y + 2.
     deep: [u64; 4],
-    /// At z and z + 1, y - 2 to y + 2.
+    /// Rows at z and z + 1, y - 2 to y + 2.
     beside: [[u64; 5]; 2],
-    /// At z + 2, y - 1 to y + 2.
+    /// Rows at z + 2, y - 1 to y + 2.
     above: [u64; 4],
-    /// The node's row, those at y + 1 and y + 2; at z + 1 and z + 2, y - 1 to y + 1.
+    /// The node's row, rows at y + 1 and y + 2; at z + 1 and z + 2, rows y - 1 to y + 1.
     later: [u64; 9],
     /// The 27 nodes around and the node itself.
     nodes: u64,
@@ -371,7 +372,7 @@ impl Around {
         let deep = [row(1, 0), row(2, 0), row(3, 0), row(4, 0)];
         let beside = [2, 3].map(|z| [row(0, z), row(1, z), row(2, z), row(3, z), row(4, z)]);
         let above = [row(1, 4), row(2, 4), row(3, 4), row(4, 4)];
-        // From z - 1 and y - 1.
+        // Rows are counted from z - 1 and y - 1.
         let nodes: &[u8; NODES] = nodes.around((z + 1) * SIDE + y + 1, x)?;
         let row = |y: usize, z: usize| six(nodes, y + z * SIDE, x);
         let later = [
@@ -399,7 +400,7 @@ impl Around {
         rows.rev().fold(0, |all, row| all << 4 | row >> 1 & 15)
     }
 
-    /// Keys for the tables for each octant, none of the node's own boxes being there.
+    /// Keys for the tables for each octant, with all of the node's own boxes clear.
     #[inline(always)]
     fn keys(&self, class: usize) -> [[usize; 3]; 8] {
         let window = self.window();
@@ -451,7 +452,7 @@ mod tests {
         coder.decode(Portable, payload, &mut got).map(|()| got)
     }
 
-    /// Two cubes: a slab through all of the first; of the second one voxel, or larger leaves beside it.
+    /// Two cubes: a slab through the whole first one; in the second one voxel, or larger leaves beside it.
     fn cubes(leaves: bool) -> Group {
         let mut group = slab(1, 7);
         for (depth, level) in group.levels.iter_mut().enumerate() {

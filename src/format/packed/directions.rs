@@ -1,4 +1,4 @@
-//! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.7).
+//! Normals of a group, each predicted from the coded voxels around it (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;
@@ -8,12 +8,12 @@ use super::group::{Group, SymbolGroups};
 use super::tables::{SymbolCoder, Tables};
 use crate::format::normal::{SCALE, decode_l1};
 
-// What the grid knows of a voxel: x, y, z of its L1-127 vector, 1 for being there, the errors of both coordinates in
-// quarters, and how far off the prediction was. Weighted sums of each stay in 16 bits: the weights add up to 58.
+// Lanes of a voxel in the grid: x, y, z of its L1-127 vector, 1 for presence, the errors of both coordinates in
+// quarters, and the error of the prediction. Weighted sums of each stay in 16 bits: the weights add up to 58.
 const COUNT: usize = 3;
 const ERRORS: [usize; 2] = [4, 5];
 const OFF: usize = 6;
-/// Largest error that is remembered, in quarters.
+/// Largest error that is stored, in quarters.
 const MAX_ERROR: i32 = 350;
 /// Largest residual that counts.
 const MAX_OFF: u32 = 120;
@@ -57,7 +57,7 @@ fn chart(v: [i32; 3]) -> [i32; 2] {
     if v[2] >= 0 { [v[0], v[1]] } else { [s(v[0]) * (SCALE - v[1].abs()), s(v[1]) * (SCALE - v[0].abs())] }
 }
 
-/// Mirrors a vector when the prediction looks down, so that the chart's fold lies opposite to it.
+/// Mirrors a vector when the prediction points down, so that the chart's fold lies opposite to it.
 #[inline(always)]
 fn mirrored(v: [i32; 3], mirror: bool) -> [i32; 3] {
     if mirror { [v[0], v[1], v[2].wrapping_neg()] } else { v }
@@ -81,7 +81,7 @@ static BENT_CLASSES: Classes = Classes::new(&[4, 12, 24, 48, 100, 240]);
 static OTHER_CLASSES: Classes = Classes::new(&[1, 3, 8]);
 
 impl SymbolGroups for DirectionCoder {
-    /// Half of what infobytes have, for the sake of memory; it costs 0.7 % of the bytes of normals.
+    /// Half of the infobytes' number, to save memory; costs 0.7 % of the bytes of normals.
     const VOXELS: usize = 1 << 17;
 
     #[inline(always)]
@@ -132,7 +132,7 @@ impl VoxelCoder for Directions<'_> {
     }
 }
 
-/// Coordinate of the direction of a sum in 1/16, from 2^20 over the sum's L1 length.
+/// Coordinate of the direction of a sum, in 1/16, by `part` = 2^20 over the sum's L1 length.
 #[inline(always)]
 fn sixteenths(sum: i32, part: u32) -> i32 {
     let magnitude = sum.unsigned_abs().wrapping_mul(part).wrapping_mul(16 * SCALE.unsigned_abs()) >> 20;
@@ -145,7 +145,7 @@ struct Around {
     /// Reciprocal of the weights in the sum.
     share: i32,
     ahead: Octet,
-    /// In 1/16.
+    /// Predicted coordinates, in 1/16.
     guess: [i32; 2],
     off: usize,
     first: usize,
@@ -164,7 +164,7 @@ impl Around {
 
 struct CoordinateContext {
     due: i32,
-    /// In 1/16, as the next three.
+    /// Prediction in 1/16, like the next three.
     guess: i32,
     turn: i32,
     error: i32,
@@ -210,16 +210,16 @@ fn code_one<C: SymbolCoder>(
     code: u16,
 ) -> Result<u16, CodingError> {
     let DirectionTables { components: [u, v], twins } = known;
-    // The face towards lower x comes last: its voxel is the one that was just coded.
+    // The face towards lower x comes last: its voxel is the one coded just before.
     let [others @ .., beside] = &FACES;
     let edges = sum_of(window, &EDGES).times(3);
     let known_before = edges.plus(sum_of(window, &CORNERS)).plus(sum_of(window, others).times(8));
     let sum = known_before.plus(window[beside.at].times(8));
-    // Carried on from two voxels in a row.
+    // Extrapolation from two voxels in a row.
     let mut ahead = Octet::default();
     for face in &FACES {
         let (near, far) = (window[face.at], window[2 * face.at - SELF]);
-        // 1 in all lanes where both are there.
+        // 1 in all lanes where both voxels exist.
         let both = near.both(far).all_of_lane_3();
         let both = Octet::default().minus(both);
         ahead = ahead.plus(near.plus(near).minus(far).both(both));
@@ -253,7 +253,7 @@ fn code_one<C: SymbolCoder>(
     }
     let vector = mirrored(decode_l1(code_of(got)), mirror);
     let mut plain = chart(vector);
-    // On the square's rim two codes share a direction: one symbol says which.
+    // On the square's rim two codes share a direction: one symbol selects the code.
     if vector[2] < 0 && (vector[0] == 0 || vector[1] == 0) {
         let [u, v] = code.to_le_bytes();
         let [first, second] = twins;
@@ -265,7 +265,7 @@ fn code_one<C: SymbolCoder>(
         }
     }
     let lanes = [vector[0], vector[1], vector[2], 1, errors[0], errors[1], magnitudes.cast_signed(), 0];
-    // All are far below 32768.
+    // All lanes are far below 32768.
     window[SELF] = Octet::of(lanes);
     Ok(code_of(plain))
 }

@@ -1,8 +1,8 @@
-//! Offsets of a group's cells, each predicted from the planes of the cells around it that are coded already
-//! (SPEC 5.8). The normals are known.
+//! Offsets of a group's cells, each predicted from the planes of the coded cells around it (SPEC 5.8). The normals are
+//! known.
 //!
-//! The surface bends evenly between neighbours, so that a neighbour's plane is carried on by the mean of both
-//! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
+//! The surface bends evenly between neighbours, so a neighbour's plane is extrapolated by the mean of both normals:
+//! with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
 
 use super::CodingError;
 use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, VoxelCoder, Window};
@@ -12,26 +12,26 @@ use super::tables::{SymbolCoder, Tables};
 use crate::format::cell::HAS_CORNERS;
 use crate::format::normal::decode_l1;
 
-// What the grid knows of a cell: its L1-127 vector, 1 for having a plane, its offset, how far off the prediction
-// was, 1 for having corners.
+// Lanes of a cell in the grid: its L1-127 vector, 1 for having a plane, its offset, the error of the prediction, 1 for
+// having corners.
 const PLANE: usize = 3;
 const OFFSET: usize = 4;
 const OFF: usize = 5;
 const CORNERED: usize = 6;
 
-/// The symbol of a cell with corners. The one before it covers all differences of 96 and more.
+/// The symbol of a cell with corners. The previous symbol covers all differences of 96 and more.
 const CORNERS_TOKEN: usize = 15;
-/// Further bits of the symbol before: 0 to 158, and the sign.
+/// Further bits of the previous symbol: 0 to 158, and the sign.
 const FAR_BITS: u32 = 9;
-/// Farthest that a neighbour's prediction counts as being from the mean.
+/// Largest counted distance of a neighbour's prediction from the mean.
 const FAR: i32 = 80;
 /// Largest residual that counts.
 const MAX_OFF: i32 = 120;
-/// Neighbours that can be coded before a cell.
+/// Most neighbours coded before a cell.
 const NEAR: usize = 19;
 
-/// Weights of neighbours across a face, an edge, a corner, by how far their normals are from the cell's own: of one
-/// across a face with the same normal 512.
+/// Weights of neighbours across a face, an edge, a corner, by the distance of their normals from the cell's own; 512
+/// across a face with the same normal.
 static WEIGHTS: [[i32; 256]; 3] = {
     let mut weights = [[0; 256]; 3];
     let base = [8, 3, 1];
@@ -106,7 +106,7 @@ struct Predictions {
 }
 
 impl Predictions {
-    /// Adds neighbours of one kind, the first of them under number `from`.
+    /// Adds neighbours of one kind; the first has number `from`.
     #[inline(always)]
     fn add(
         &mut self,
@@ -124,7 +124,7 @@ impl Predictions {
                 offset = offset.wrapping_add(own.wrapping_add(known(a)).wrapping_mul(near.away[a]));
                 apart += own.abs_diff(known(a));
             }
-            // A place without a plane has no weight.
+            // A position without a plane has no weight.
             let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
             self.offsets[(from + i) % NEAR] = offset;
             self.weights[(from + i) % NEAR] = weight;
@@ -134,7 +134,7 @@ impl Predictions {
         }
     }
 
-    /// The offset to be expected, and four times how far from it the neighbours are.
+    /// The expected offset, and four times the neighbours' distance from it.
     #[inline(always)]
     fn expected(&self) -> (i32, i32) {
         let (mut sum, mut weight) = (0_i32, 0_i32);
@@ -196,7 +196,7 @@ impl VoxelCoder for Distances<'_> {
             *slot = offset.cast_unsigned();
             [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MAX_OFF), 0, 0]
         };
-        // All are far below 32768.
+        // All lanes are far below 32768.
         window[SELF] = Octet::of(lanes);
         Ok(())
     }

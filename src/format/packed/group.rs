@@ -3,10 +3,10 @@ use super::tables::{Decoder, Encoder, SymbolCoder};
 use super::{CodingError, SUBTREE_DEPTH};
 use crate::cpu::Lanes;
 
-/// Where a node lies in its subtree: ten bits for each of x, y, z.
+/// Position of a node in its subtree: ten bits for each of x, y, z.
 pub(super) type Place = u32;
 
-/// The place of the child in an octant of the node at `place`.
+/// The position of the child in an octant of the node at `place`.
 #[inline(always)]
 pub(super) fn child_place(place: Place, octant: u32) -> Place {
     place << 1 | (octant & 1) | (octant & 2) << 9 | (octant & 4) << 18
@@ -17,27 +17,27 @@ pub(super) fn coordinates(place: Place) -> [usize; 3] {
     [0, 10, 20].map(|bits| (place >> bits & 1023) as usize)
 }
 
-/// A group: its subtrees one after the other, and of their voxels what a codec has to do with.
+/// A group: its subtrees one after the other, and the voxel data of its codec.
 #[derive(Debug, Default)]
 pub(crate) struct Group {
-    /// Infobytes by depth, those of each subtree in Morton order. Without any depth, each subtree is one voxel.
+    /// Infobytes by depth, each subtree's in Morton order. Without any depth, each subtree is one voxel.
     pub levels: Vec<Vec<u8>>,
-    /// How many subtrees.
+    /// Number of subtrees.
     pub subtrees: u32,
-    /// Voxels of all of them.
+    /// Voxels of all subtrees.
     pub voxels: usize,
-    /// Larger leaves of all of them.
+    /// Larger leaves of all subtrees.
     pub leaves: usize,
     /// The first of the levels that may have larger leaves.
     pub first_leaves: usize,
-    /// Their normals.
+    /// Normals of the voxels.
     pub normals: Vec<u16>,
-    /// Their offsets.
+    /// Offsets of the voxels.
     pub offsets: Vec<u8>,
 }
 
 impl Group {
-    /// Nothing, for subtrees of so many levels of nodes, with larger leaves from one of them on.
+    /// Empties the group, for subtrees of `depth` levels of nodes, with larger leaves from level `first_leaves` on.
     pub(crate) fn clear(&mut self, depth: usize, first_leaves: usize) {
         self.levels.resize(depth, Vec::new());
         self.levels.iter_mut().for_each(Vec::clear);
@@ -48,20 +48,20 @@ impl Group {
     }
 }
 
-/// A codec of groups. What it learns is forgotten at each.
+/// A codec of groups. Its adaptive state is reset at each group.
 pub(crate) trait GroupCoder: Default + Send {
     /// A group is full once it holds this many voxels and larger leaves: enough for the tables to learn.
     const VOXELS: usize;
     /// Most levels of nodes of a subtree.
     const DEPTH: u32;
 
-    /// The payload of a group.
+    /// Encodes the payload of a group.
     ///
     /// # Errors
     /// The parts of the group do not belong together.
     fn encode(&mut self, isa: impl Lanes, group: &mut Group) -> Result<Vec<u8>, CodingError>;
 
-    /// Fills in what the codec holds.
+    /// Decodes the codec's part of a group.
     ///
     /// # Errors
     /// The payload holds impossible values, or does not end with the group.
@@ -73,7 +73,7 @@ pub(super) trait SymbolGroups: Default + Send {
     /// See [`GroupCoder::VOXELS`].
     const VOXELS: usize;
 
-    /// Codes a group: an encoder all of it, a decoder fills in what the codec holds.
+    /// Codes a group: an encoder reads all of it, a decoder fills in the codec's part.
     ///
     /// # Errors
     /// The decoder reads impossible values; the parts of the group do not belong together.
@@ -99,7 +99,7 @@ impl<G: SymbolGroups> GroupCoder for G {
     }
 }
 
-/// Goes through a group's subtrees.
+/// Walks through a group's subtrees.
 #[derive(Debug, Default)]
 pub(super) struct Walk {
     passed: [usize; SUBTREE_DEPTH as usize],
@@ -108,13 +108,13 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// To the first subtree.
+    /// Goes back to the first subtree.
     pub(super) fn restart(&mut self) {
         self.passed = Default::default();
     }
 
-    /// The nodes of the next subtree whose children are voxels: places and infobytes. For a subtree that is one voxel,
-    /// a node of which it is the first child.
+    /// The nodes of the next subtree whose children are voxels: positions and infobytes. For a subtree that is one
+    /// voxel, a node with the voxel as its first child.
     pub(super) fn next_subtree<'a>(
         &'a mut self,
         levels: &'a [Vec<u8>],
@@ -146,7 +146,7 @@ fn part(level: &[u8], from: usize, count: usize) -> Result<&[u8], CodingError> {
     left.get(..count).ok_or_else(|| wrong_count(left.len(), count))
 }
 
-/// A depth of a subtree that does not belong to the boxes above.
+/// Error for a depth of a subtree that does not match the boxes above.
 pub(super) fn wrong_count(found: usize, due: usize) -> CodingError {
     let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     CodingError::SubtreeNodes { found: count(found), due: count(due) }

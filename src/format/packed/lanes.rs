@@ -1,12 +1,12 @@
-//! Lanes of 16 bits: what the tables of symbols and the grids of voxels ask of a machine. The instructions are those that
-//! every x86-64 has, and those of AVX2 where the caller has them; elsewhere, and in the test, the same in portable code.
+//! Lanes of 16 bits: the vector operations of the tables of symbols and the grids of voxels. They use the instructions
+//! of every x86-64, and AVX2 where the caller has it; elsewhere, and in the test, the same in portable code.
 #![allow(unsafe_code)]
 
 pub(super) const LANES: usize = 16;
 
-/// A boxed array of one value, made on the heap: arrays in boxes would be made on the stack first.
+/// A boxed array of one value, built on the heap: `Box::new` would build it on the stack first.
 pub(super) fn boxed<T: Copy, const N: usize>(value: T) -> Box<[T; N]> {
-    // The list has this length, so it becomes the array, and the second way is not taken.
+    // The list has this length, so it becomes the array, and the fallback is never taken.
     vec![value; N].into_boxed_slice().try_into().unwrap_or_else(|_| Box::new([value; N]))
 }
 
@@ -16,14 +16,14 @@ pub(super) fn boxed<T: Copy, const N: usize>(value: T) -> Box<[T; N]> {
 pub(crate) struct Row(pub(super) [u16; LANES]);
 
 impl Row {
-    /// One lane, its number held to the row.
+    /// One lane; its number wraps within the row.
     #[inline(always)]
     pub(super) fn lane(&self, lane: usize) -> u16 {
         self.0[lane % LANES]
     }
 }
 
-/// Eight lanes that wrap.
+/// Eight lanes with wrapping arithmetic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(align(16))]
 pub(super) struct Octet(pub(super) [i16; 8]);
@@ -38,14 +38,15 @@ pub(super) struct Inputs(pub(super) [i32; 8]);
 #[repr(align(16))]
 pub(super) struct Quad(pub(super) [u32; 4]);
 
-/// The slots of three keys, one of each pair. A slot holds a number in its high half, a count and a key in its low bytes.
+/// The slots of three keys, one of each pair. A slot holds a number in its high half, a count and a key in its low
+/// bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Found {
-    /// The slot of each pair that has the key, else the one of the lower count, made new.
+    /// The slot of each pair that has the key, else the one with the lower count, reset.
     pub(super) slots: Quad,
     firsts: Quad,
     seconds: Quad,
-    /// All bits where the slot is the second of its pair.
+    /// All bits set where the slot is the second of its pair.
     is_second: Quad,
 }
 
@@ -55,7 +56,7 @@ pub(super) use x86::{find, last_within, learn, mean_of_four, mixed, products_abo
 #[cfg(not(target_arch = "x86_64"))]
 pub(super) use portable::{find, last_within, learn, mean_of_four, mixed, products_above_0, sink, update};
 
-/// Written out with the instructions, for compilers take these loops apart into single lanes.
+/// Intrinsics, since compilers split these loops into single lanes.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
@@ -265,7 +266,7 @@ mod x86 {
     /// `last_within` of the portable form.
     #[inline(always)]
     pub(in super::super) fn last_within(isa: impl Lanes, row: &Row, most: u16) -> usize {
-        // Machines compare lanes with signs.
+        // The machine's comparison of lanes is signed.
         let (sign, most) = (i16::MIN, (most ^ 0x8000).cast_signed());
         let lanes = if isa.avx2().is_some() {
             // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
@@ -302,7 +303,7 @@ mod x86 {
         /// The low halves of numbers.
         #[inline(always)]
         pub(in super::super) fn of(lanes: [i32; 8]) -> Self {
-            // Eight narrow stores would make the next load of the whole wait.
+            // Eight narrow stores would delay the next load of the whole octet.
             let four = |i: usize| {
                 let lane = |i: usize| u64::from(lanes[i].cast_unsigned() & 0xffff);
                 (lane(i) | lane(i + 1) << 16 | lane(i + 2) << 32 | lane(i + 3) << 48).cast_signed()
@@ -311,21 +312,21 @@ mod x86 {
             octet(unsafe { _mm_set_epi64x(four(4), four(0)) })
         }
 
-        /// Lane by lane.
+        /// Adds lane by lane.
         #[inline(always)]
         pub(in super::super) fn plus(self, other: Self) -> Self {
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
             octet(unsafe { _mm_add_epi16(vector(self), vector(other)) })
         }
 
-        /// Lane by lane.
+        /// Subtracts lane by lane.
         #[inline(always)]
         pub(in super::super) fn minus(self, other: Self) -> Self {
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
             octet(unsafe { _mm_sub_epi16(vector(self), vector(other)) })
         }
 
-        /// All lanes by one number.
+        /// Multiplies all lanes by one number.
         #[inline(always)]
         pub(in super::super) fn times(self, factor: i16) -> Self {
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
@@ -356,7 +357,7 @@ mod portable {
     use super::{Found, Inputs, LANES, Quad, Row};
     use crate::cpu::Lanes;
 
-    /// Moves lanes by 2^-shift of the way to `end`, the lanes and their ends seen through `turn`.
+    /// Moves lanes by 2^-shift of the way to `end`; lanes and ends are first XORed with `turn`.
     #[inline(always)]
     pub(in super::super) fn sink(_: impl Lanes, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
         for ((lane, turn), end) in row.0.iter_mut().zip(turn.0).zip(end.0) {
@@ -387,7 +388,7 @@ mod portable {
         products.take(5).fold(0, i32::wrapping_add)
     }
 
-    /// The slots of keys of a byte; `new` is what a new one has besides its key.
+    /// The slots of keys of a byte; `new` is the content of a new slot besides its key.
     #[inline(always)]
     pub(in super::super) fn find(_: impl Lanes, pairs: [[u32; 2]; 3], keys: [u32; 3], new: u32) -> Found {
         let mut found = Found {
@@ -407,7 +408,7 @@ mod portable {
         found
     }
 
-    /// The pairs, after their slots have moved towards a bit by the steps in the low halves of `counts`, and have the counts
+    /// The pairs, with their slots moved towards a bit by the steps in the low halves of `counts`, and with new counts
     /// in their third bytes.
     #[inline(always)]
     pub(in super::super) fn update(
@@ -426,7 +427,7 @@ mod portable {
         })
     }
 
-    /// Adds the products of inputs and an error, of 2^14, to the weights, which stay within a limit.
+    /// Adds the products of inputs and an error, in units of 2^-14, to the weights, which stay within a limit.
     #[inline(always)]
     pub(in super::super) fn learn(
         _: impl Lanes,
@@ -457,19 +458,19 @@ impl Octet {
         Self(lanes.map(|lane| lane as i16))
     }
 
-    /// Lane by lane.
+    /// Adds lane by lane.
     #[inline(always)]
     pub(super) fn plus(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i].wrapping_add(other.0[i])))
     }
 
-    /// Lane by lane.
+    /// Subtracts lane by lane.
     #[inline(always)]
     pub(super) fn minus(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i].wrapping_sub(other.0[i])))
     }
 
-    /// All lanes by one number.
+    /// Multiplies all lanes by one number.
     #[inline(always)]
     pub(super) fn times(self, factor: i16) -> Self {
         Self(self.0.map(|lane| lane.wrapping_mul(factor)))
@@ -517,7 +518,7 @@ mod tests {
                 assert_eq!(product, portable::products_above_0(isa, &sums, &weights));
                 let [pairs, keys, counts, rest]: [[u32; 8]; 4] = bytemuck::cast([a.0, b.0, c.0, d.0]);
                 let pairs = [[pairs[0], pairs[1]], [pairs[2], pairs[3]], [pairs[4], pairs[5]]];
-                // Keys that are in the first slot, in the second, in neither.
+                // Keys found in the first slot, in the second, in neither.
                 let keys = [pairs[0][0], pairs[1][1], keys[0]].map(|key| key % 256);
                 let found = x86::find(isa, pairs, keys, 1 << 31);
                 assert_eq!(found, portable::find(isa, pairs, keys, 1 << 31));

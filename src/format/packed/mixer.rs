@@ -1,24 +1,24 @@
-//! Bits mixed of what three tables and a prior say, in the logistic domain (SPEC 5.6).
+//! Mixes the predictions of three tables and a prior for a bit, in the logistic domain (SPEC 5.6).
 //!
-//! After Mahoney, "Adaptive weighing of context models for lossless data compression" (2005), in whole numbers.
+//! After Mahoney, "Adaptive weighing of context models for lossless data compression" (2005), in integers.
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]
 
 use super::bits::{BitCoder, PROBABILITIES};
 use super::lanes::{Inputs, boxed, find, learn, mixed, update};
 use crate::cpu::{Lanes, prefetch};
 
-/// Bits of a context's key: eight that its slot keeps, and above them those that choose a pair of slots.
+/// Bits of a context's key: eight stored in its slot, and above them those that select a pair of slots.
 pub(super) const KEY_BITS: u32 = 23;
-/// Lines of a cache with eight pairs each.
+/// Cache lines with eight pairs each.
 const LINES: usize = 1 << (KEY_BITS - 11);
-/// Sets of weights are chosen by so many places and sizes, and by how often both first slots were seen: 16 a place, and some
-/// that are not used, so that their number is a power of two.
+/// Sets of weights are selected by place and size, and by the counts of both first slots: 16 a place, and some unused
+/// ones to make their number a power of two.
 pub(super) const PLACES: usize = 24;
 const SETS: usize = (PLACES * 16).next_power_of_two();
-/// A slot: a probability of 16 bits, how often it was seen, and the low bits of its key.
+/// A slot: a probability of 16 bits, its count, and the low bits of its key.
 const NEW: u32 = 1 << 31;
 const MAX_SEEN: usize = 60;
-/// Logits are in 1/256, at most so large.
+/// Largest magnitude of logits, in 1/256.
 pub(super) const LOGIT: i32 = 2047;
 /// Weights of the prior, the tables and the bias, of 65536.
 const WEIGHTS: Inputs = Inputs([39_322, 19_661, 22_938, 13_107, 0, 0, 0, 0]);
@@ -76,8 +76,8 @@ static LOGITS: [i16; 4096] = {
     logits
 };
 
-/// The step of a slot that was seen n times, 65536 / (n + 3/2), rounded down, in the low half; its next count in the next
-/// byte; a class of n (0; 1 and 2; 3 to 7; more) in the highest. Counts of damaged slots are held to the most.
+/// For a count of n: the step 65536 / (n + 3/2) of a slot, rounded down, in the low half; its next count in the next
+/// byte; a class of n (0; 1 and 2; 3 to 7; more) in the highest. Counts of damaged slots are clamped.
 static COUNTS: [u32; 256] = {
     let mut counts = [0; 256];
     let mut i = 0;
@@ -97,7 +97,7 @@ struct Line([[u32; 2]; 8]);
 
 type Table = Box<[Line; LINES]>;
 
-/// What a group has taught.
+/// State learnt from a group.
 #[derive(Debug)]
 pub(super) struct Mixer {
     tables: [Table; 3],
@@ -112,13 +112,13 @@ impl Default for Mixer {
 }
 
 impl Mixer {
-    /// Forgets what was learnt.
+    /// Resets the learnt state.
     pub(super) fn restart(&mut self) {
         self.tables.iter_mut().for_each(|table| table.fill(Line([[NEW; 2]; 8])));
         self.weights.fill(WEIGHTS);
     }
 
-    /// Says that slots of these keys will be asked for.
+    /// Prefetches the slots of these keys.
     #[inline(always)]
     pub(super) fn fetch(&self, keys: [usize; 3]) {
         for (table, key) in self.tables.iter().zip(keys) {
@@ -126,7 +126,8 @@ impl Mixer {
         }
     }
 
-    /// Codes a bit, in a context of each table, at one of [`PLACES`], after a prior's logit; all learn it.
+    /// Codes a bit, in a context of each table, at one of [`PLACES`], with a prior's logit; tables and weights learn
+    /// it.
     #[inline(always)]
     pub(super) fn code<C: BitCoder>(
         &mut self,

@@ -11,15 +11,16 @@
 //! | `planes` | everything else: differences, byte planes, zstd |
 //! | [`CodingError`] | what can be wrong with coded bytes |
 //!
-//! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot
-//! disagree about a context.
+//! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot disagree about
+//! a context.
 //!
-//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.6), in bits a voxel: phantom of 1024^3 0.65, of 512^3 0.83,
-//! iguana 0.92, brain 1.07. Without the net 12 % more; slots without checks 8 % more (and 3 % with one slot a key); groups of 2^19
-//! voxels 3 % less, but no room for two workers; tables of twice the size 2 % less. Cubes of 256 cells save 7 % more, but their grids and tables leave no
-//! room for two workers. Decoding takes 0.35 microseconds a node: eight chains of table, sum and bit.
+//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.6), in bits a voxel: phantom of 1024^3 0.65,
+//! of 512^3 0.83, iguana 0.92, brain 1.07. Without the net 12 % more; slots without checks 8 % more (and 3 % with one
+//! slot a key); groups of 2^19 voxels 3 % less, but too large for two workers; tables of twice the size 2 % less. Cubes
+//! of 256 cells save 7 % more, but their grids and tables are too large for two workers. Decoding takes 0.35
+//! microseconds a node: eight chains of table, sum and bit.
 //!
-//! Variants tried before, of infobytes as nibbles in sixteen-ary tables, in bits a voxel: infobytes, normals, offsets.
+//! Earlier variants, with infobytes as nibbles in sixteen-ary tables, in bits a voxel: infobytes, normals, offsets.
 //!
 //! | | phantom, skin | phantom, cells | head, skin | head, cells | iguana, cells | brain, cells |
 //! |---|---|---|---|---|---|---|
@@ -28,11 +29,11 @@
 //! | these in groups of 2^18 | 1.12, 4.36 | 0.80, 4.36, 3.27 | 0.91, 7.40 | 0.76, 5.87, 3.51 | 0.98, 9.31, 4.46 | 0.79, 12.77, 5.11 |
 //! | in groups of 2^17 | 1.15, 4.39 | 0.82, 4.38, 3.28 | | 0.78, 5.89, 3.51 | | |
 //!
-//! Infobytes with shifts 4 and 7, and every step of a young table half of the one before: 0.05 to 0.06 bits more. A second table
-//! with the diagonal nodes instead of none: 0.02 less to 0.04 more. Normals with shifts 4 and 7, or 6 and 8: as many, or 0.04 more.
-//! Loops left to the compiler: 1.4 times the time, for it takes rows of lanes apart.
+//! Infobytes with shifts 4 and 7, and every step of a young table half of the previous one: 0.05 to 0.06 bits more. A
+//! second table with the diagonal nodes instead of none: 0.02 less to 0.04 more. Normals with shifts 4 and 7, or 6 and
+//! 8: as many, or 0.04 more. Loops left to the compiler: 1.4 times the time, since it splits rows into single lanes.
 //!
-//! Decoding the phantom's skin, in seconds of one thread (AMD EPYC, the least of some runs in turns):
+//! Decoding the phantom's skin, in seconds of one thread (AMD EPYC, least of alternating runs):
 //!
 //! | | infobytes | normals |
 //! |---|---|---|
@@ -40,7 +41,7 @@
 //! | sums and stores of whole octets of lanes, tables in rows of 32 bytes, steps of tables from a list (kept) | 0.24 | 1.06 |
 //! | and the grid's rows around the next node fetched ahead | 0.25 | 1.10 |
 //!
-//! A voxel that is stored lane by lane is waited for by the next one, which loads all lanes at once: that was most of the gain.
+//! A voxel stored lane by lane delays the next one, which loads all lanes at once: avoiding that was most of the gain.
 //! The rest is a chain, neighbours to prediction to table to symbol to neighbour, of some 300 cycles a voxel.
 
 mod bits;
@@ -59,23 +60,23 @@ pub(crate) mod tables;
 
 pub use error::CodingError;
 
-/// Stored bytes are the content (SPEC 5.1).
+/// Codec of plain content (SPEC 5.1).
 pub(crate) const CODEC_NONE: u8 = 0;
-/// Differences, byte planes, zstd (SPEC 5.3).
+/// Codec of differences, byte planes, zstd (SPEC 5.3).
 pub(crate) const CODEC_PLANES: u8 = 1;
-/// Nothing is stored; the content follows from other sections (SPEC 5.4).
+/// Codec of sections that follow from others, without stored bytes (SPEC 5.4).
 pub(crate) const CODEC_DERIVED: u8 = 2;
-/// Normals (SPEC 5.7).
+/// Codec of normals (SPEC 5.7).
 pub(crate) const CODEC_DIRECTIONS: u8 = 7;
-/// Offsets of cells (SPEC 5.8).
+/// Codec of offsets of cells (SPEC 5.8).
 pub(crate) const CODEC_DISTANCES: u8 = 8;
-/// Infobytes (SPEC 5.6).
+/// Codec of infobytes (SPEC 5.6).
 pub(crate) const CODEC_CUBES: u8 = 9;
 
-/// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
-/// memory, for any model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
+/// Log2 of a subtree's largest edge in cells: its grids fit a cache, and a group of subtrees fits in memory, for any
+/// model. (7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
 pub(crate) const SUBTREE_DEPTH: u32 = 6;
-/// A subtree of infobytes, a cube: its grids are looked at less often.
+/// Log2 of the edge of a cube, a subtree of infobytes: its grids are read less often.
 pub(crate) const CUBE_DEPTH: u32 = 7;
-/// Longest stored group that is read: 64 bytes a voxel of the fullest one.
+/// Longest stored group that is accepted: 64 bytes a voxel of the fullest one.
 pub(crate) const GROUP_BYTES_LIMIT: u32 = 32 << 20;

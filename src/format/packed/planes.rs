@@ -6,12 +6,12 @@ use super::CodingError;
 
 /// Content bytes of a block, rounded down to whole items.
 pub(crate) const BLOCK_BYTES: usize = 1 << 16;
-/// Longest stored block that is read: zstd adds a few bytes to what it cannot shrink.
+/// Longest stored block that is accepted: zstd adds a few bytes to content that it cannot shrink.
 pub(crate) const STORED_LIMIT: u32 = 1 << 17;
 /// Compression level: the highest whose state stays near one MiB for such blocks.
 const LEVEL: i32 = 9;
 
-/// Content bytes of a full block of items of `item` bytes.
+/// Content bytes of a full block with items of `item` bytes.
 pub(crate) fn block_bytes(item: u8) -> usize {
     BLOCK_BYTES / usize::from(item.max(1)) * usize::from(item.max(1))
 }
@@ -36,7 +36,7 @@ pub(crate) fn encode(content: &[u8], item: u8) -> io::Result<Vec<u8>> {
 /// Decompresses one block of `len` content bytes, which the caller has bounded.
 ///
 /// # Errors
-/// Bytes that are not such a block.
+/// The bytes are not such a block.
 pub(crate) fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, CodingError> {
     let item = usize::from(item.max(1));
     let planes = zstd::bulk::decompress(stored, len)

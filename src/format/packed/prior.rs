@@ -1,4 +1,5 @@
-//! What an infobyte is likely to be before anything is learnt: a small net over the boxes around (SPEC 5.9).
+//! Initial probabilities of an infobyte's bits, before anything is learnt: a small net over the boxes around (SPEC
+//! 5.9).
 //!
 //! Trained by `scripts/train_prior.py`; the weights are part of the format.
 #![expect(
@@ -22,7 +23,7 @@ const WEIGHTS: usize = INPUTS * HIDDEN + 8 * HIDDEN + HIDDEN + 8 * HIDDEN + 8;
 /// Sums of the hidden layer, in 1/256.
 pub(super) type Sums = [i16; HIDDEN];
 
-/// The weights in 1/16, out of lines of hexadecimal digits.
+/// The weights in 1/16, parsed from lines of hexadecimal digits.
 static WEIGHT: [i8; WEIGHTS] = {
     const fn digit(byte: u8) -> u8 {
         if byte >= b'a' { byte - b'a' + 10 } else { byte - b'0' }
@@ -41,11 +42,11 @@ static WEIGHT: [i8; WEIGHTS] = {
     weights
 };
 
-/// The net, the first layer summed for each value of each nibble.
+/// The net, with the first layer summed for each value of each nibble.
 #[derive(Debug)]
 pub(super) struct Prior {
     nibbles: Box<[[Sums; 16]; NIBBLES]>,
-    /// Added for each bit that is 1.
+    /// Sums added for each of the node's own bits that is 1.
     own: [Sums; 8],
     first: Sums,
     last: [Sums; 8],
@@ -99,7 +100,7 @@ impl Prior {
         (sum.wrapping_add(self.bias[bit % 8]) >> 4).clamp(-LOGIT, LOGIT)
     }
 
-    /// Adds what a bit is.
+    /// Adds the value of a bit.
     #[inline(always)]
     pub(super) fn note(&self, sums: &mut Sums, bit: usize, is_one: bool) {
         let all = -i16::from(is_one);

@@ -1,7 +1,7 @@
-//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.8): rANS with two states.
+//! Adaptive 16-ary tables and the coder of their symbols (SPEC 5.8): rANS with two states.
 //!
 //! A symbol is coded with the mean of two tables of different contexts, each itself the mean of a fast and a slow
-//! estimate; both tables learn it. All of it is sums, shifts and comparisons of sixteen 16-bit lanes, which a compiler
+//! estimate; both tables learn it. All steps are sums, shifts and comparisons of sixteen 16-bit lanes, which a compiler
 //! turns into a few vector instructions.
 #![expect(clippy::cast_possible_truncation, reason = "lanes, widths and words have 16 bits")]
 
@@ -9,15 +9,15 @@ use super::CodingError;
 use super::lanes::{LANES, Row, boxed, last_within, mean_of_four, sink};
 use crate::cpu::Lanes;
 
-/// Symbols of a table: a lane holds the frequency of symbols below it, of 65536; lane 0 is 0.
+/// Symbols of a table: a lane holds the cumulative frequency below its symbol, of 65536; lane 0 is 0.
 const SYMBOLS: usize = LANES;
 const PROBABILITY_BITS: u32 = 15;
-/// The least share of a symbol in an estimate, of 65536: a quarter of it is one of 32768, so no symbol's share
-/// of the mean is zero.
+/// The least share of a symbol in an estimate, of 65536: a quarter of it is one of 32768, so the share in the mean is
+/// never zero.
 const MIN: u16 = 6;
-/// States are in `STATE..STATE << 16`.
+/// Lower bound of states, which are in `STATE..STATE << 16`.
 const STATE: u32 = 1 << 16;
-/// A block of the stream ends after this many items: the encoder has to keep their symbols.
+/// Items of a block of the stream: the encoder has to keep their symbols.
 const BLOCK_ITEMS: u32 = 1 << 14;
 
 /// Both estimates of one context, one cache line.
@@ -28,7 +28,7 @@ struct Table {
     slow: Row,
 }
 
-/// All symbols alike.
+/// Equal shares of all symbols.
 const EVEN: Row = {
     let mut row = [0; SYMBOLS];
     let mut i = 0;
@@ -39,8 +39,8 @@ const EVEN: Row = {
     Row(row)
 };
 
-/// The effect of a symbol on the lanes: those above it rise towards 65536, those up to it sink towards 0. Seen from their
-/// ends, through the first row, all sink to the second.
+/// The effect of a symbol on the lanes: those above it rise towards 65536, those up to it sink towards 0. XORed with
+/// the first row, all sink towards the second.
 static WAYS: [[Row; 2]; SYMBOLS] = {
     let mut ways = [[Row([0; SYMBOLS]); 2]; SYMBOLS];
     let mut symbol = 0;
@@ -66,21 +66,21 @@ pub(crate) struct Tables<const COUNT: usize, const FAST: u8, const SLOW: u8> {
 }
 
 impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLOW> {
-    /// Tables that have learnt nothing.
+    /// Tables in their initial state.
     pub(super) fn new() -> Self {
         const { assert!(COUNT.is_power_of_two()) };
         let tables = boxed(Table { fast: EVEN, slow: EVEN });
         Self { tables, seen: Box::new([0; COUNT]) }
     }
 
-    /// Forgets what was learnt.
+    /// Resets the learnt state.
     pub(super) fn restart(&mut self) {
         self.tables.fill(Table { fast: EVEN, slow: EVEN });
         self.seen.fill(0);
     }
 
-    /// A young context moves in large steps: 1/2, 1/2, 1/4, 1/4, 1/8 ... of the way. For each count of what was seen the
-    /// next one, and both shifts.
+    /// A young context moves in large steps: 1/2, 1/2, 1/4, 1/4, 1/8 ... of the way. For each count of symbols seen:
+    /// the next count, and both shifts.
     const STEPS: [[u8; 4]; 16] = {
         assert!(FAST <= SLOW && 2 * SLOW < 16);
         let mut steps = [[0; 4]; 16];
@@ -106,7 +106,7 @@ impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLO
     }
 }
 
-/// Where each symbol begins, of 65536.
+/// Cumulative frequency below each symbol, of 65536.
 #[inline(always)]
 fn begins(isa: impl Lanes, a: &Table, b: &Table) -> Row {
     mean_of_four(isa, [&a.fast, &a.slow], [&b.fast, &b.slow])
@@ -116,22 +116,22 @@ fn begins(isa: impl Lanes, a: &Table, b: &Table) -> Row {
 #[inline(always)]
 fn share(row: &Row, symbol: usize) -> [u16; 2] {
     let begin = row.lane(symbol) >> 1;
-    // The last symbol ends at 32768, which is lane 0 as far as 15 bits show; no symbol has all of them.
+    // The last symbol ends at 32768, which equals lane 0 in 15 bits; the width of a symbol is always less than 32768.
     let end = row.lane(symbol + 1) >> 1;
     [begin, end.wrapping_sub(begin) % (1 << PROBABILITY_BITS)]
 }
 
-/// Either direction of coding: an encoder writes the symbols that it is given, a decoder ignores them and returns
-/// those that it reads.
+/// Either direction of coding: an encoder writes the given symbols, a decoder ignores them and returns the symbols it
+/// reads.
 pub(crate) trait SymbolCoder {
-    /// Is what comes back not what was given?
+    /// True for a decoder, whose results may differ from the given symbols.
     const READS: bool;
 
     type Lanes: Lanes;
 
     fn isa(&self) -> Self::Lanes;
 
-    /// Codes one of sixteen symbols, of which this is where each begins.
+    /// Codes one of sixteen symbols with these cumulative frequencies.
     fn symbol(&mut self, begins: &Row, symbol: usize) -> usize;
 
     /// Codes one of sixteen symbols in two contexts, which learn it.
@@ -150,16 +150,16 @@ pub(crate) trait SymbolCoder {
         symbol
     }
 
-    /// Codes `bits` bits, at most 15, all values alike.
+    /// Codes `bits` bits, at most 15, with all values equally likely.
     fn even(&mut self, bits: u32, value: u32) -> u32;
 
     /// Ends an item.
     fn end_item(&mut self);
 
-    /// Is all well up to here?
+    /// Checks the coding so far.
     ///
     /// # Errors
-    /// A decoder ran out of bytes, or a block did not end as it should.
+    /// A decoder ran out of bytes, or a block did not end correctly.
     fn check(&self) -> Result<(), CodingError>;
 }
 
@@ -182,7 +182,7 @@ impl<L: Lanes> Encoder<L> {
     fn end_block(&mut self) {
         let begin = self.out.len();
         let mut states = [STATE; 2];
-        // Words lie reversed, the first at the end, until all of the block are known.
+        // Words are reversed, the first at the end, until the whole block is coded.
         for (i, [start, width]) in self.log.iter().enumerate().rev() {
             let (state, width) = (&mut states[i % 2], u32::from(*width).max(1));
             if *state >> (32 - PROBABILITY_BITS) >= width {
@@ -201,9 +201,9 @@ impl<L: Lanes> Encoder<L> {
         self.items = 0;
     }
 
-    /// The finished payload; the encoder is as new.
+    /// Returns the finished payload and resets the encoder.
     pub(crate) fn finish(&mut self) -> Vec<u8> {
-        // A payload without items is a block, too.
+        // A payload without items still has one block.
         if self.items > 0 || self.out.is_empty() {
             self.end_block();
         }
@@ -255,7 +255,7 @@ pub(crate) struct Decoder<'a, L> {
     /// The state of the next symbol and of the one after it.
     states: [u32; 2],
     words: &'a [[u8; 2]],
-    /// Place of the next word; beyond the end, zeros are read.
+    /// Index of the next word; past the end, zeros are read.
     at: usize,
     items: u32,
 }
@@ -264,7 +264,7 @@ impl<'a, L: Lanes> Decoder<'a, L> {
     /// Starts on a payload.
     ///
     /// # Errors
-    /// It does not hold whole words.
+    /// The length is not a multiple of a word.
     pub(crate) fn new(isa: L, payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<2>();
         if words.is_empty() || !rest.is_empty() {
@@ -299,7 +299,7 @@ impl<'a, L: Lanes> Decoder<'a, L> {
     #[inline(never)]
     fn end_block(&mut self) {
         if self.states != [STATE; 2] {
-            // From here on nothing is left, and something was read.
+            // From here on nothing is left, and the payload counts as overrun.
             (self.words, self.at) = (&[], 1);
         } else if self.at < self.words.len() {
             self.begin_block();
@@ -310,7 +310,7 @@ impl<'a, L: Lanes> Decoder<'a, L> {
     /// Checks that the payload was used up.
     ///
     /// # Errors
-    /// It was not, or ended early.
+    /// Words are left, or the payload ended early.
     pub(crate) fn finish(mut self) -> Result<(), CodingError> {
         self.check()?;
         if self.at < self.words.len() {
@@ -322,13 +322,13 @@ impl<'a, L: Lanes> Decoder<'a, L> {
         self.check()
     }
 
-    /// Takes a symbol of this width from the state, and gives the turn to the other one.
+    /// Takes a symbol of this width from the state, and swaps the states.
     #[inline(always)]
     fn step(&mut self, start: u32, width: u32) {
         let [state, next] = self.states;
         let value = state % (1 << PROBABILITY_BITS);
         let mut state = width.wrapping_mul(state >> PROBABILITY_BITS).wrapping_add(value).wrapping_sub(start);
-        // Without a branch: it could not be predicted.
+        // Without a branch, which would be unpredictable.
         let is_low = state < STATE;
         let word = self.peek();
         state = if is_low { state << 16 | word } else { state };
@@ -410,7 +410,7 @@ mod tests {
             let mut decoder = Decoder::new(Portable, &payload).unwrap();
             assert_eq!(code(&mut decoder, skew, count), given);
             decoder.finish().unwrap();
-            // 7.5 even bits a symbol, and what the skew leaves.
+            // 7.5 even bits a symbol, and the entropy of the skewed part.
             let bits = payload.len() as f64 * 8.0 / f64::from(count) - 7.5;
             assert!(count == 1 || bits < [4.15, 0.25][usize::from(skew >= 990)], "{skew}: {bits} bits");
         }

@@ -1,5 +1,5 @@
-//! Who gets which name: the volumes of a batch take their names in the order of the catalogue, whichever job
-//! opens them, so that the same volumes have the same names in every run.
+//! Names of the volumes of a batch, given in the order of the catalogue, whichever job opens a volume first: the same
+//! volumes have the same names in every run.
 
 use std::collections::BTreeMap;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -7,10 +7,10 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use super::fnv;
 use crate::source::Finding;
 
-/// A volume of the catalogue: its item, and which volume of that.
+/// A volume of the catalogue: the number of its item, and its number within the item.
 pub(in crate::jobs) type Place = (usize, usize);
 
-/// The names of a batch; some 40 bytes of memory for each volume.
+/// Names given so far; some 40 bytes of memory for each volume.
 #[derive(Debug, Default)]
 pub(in crate::jobs) struct Claims {
     state: Mutex<State>,
@@ -21,16 +21,16 @@ pub(in crate::jobs) struct Claims {
 struct State {
     /// Item whose turn it is.
     turn: usize,
-    /// Owners of the names, by the hashes of these.
+    /// Owners of the names, by the hash of each name.
     owners: BTreeMap<u64, Place>,
 }
 
-/// What becomes of a volume.
+/// Answer to a volume that asks for a name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::jobs) enum Claim {
-    /// It has this name. With a number, as others have the same id, and another content.
+    /// The volume has this name; the number is set if others have the same id and another content.
     Own(String, Option<u32>),
-    /// It is a copy of the volume of this name.
+    /// The volume is a copy of the one of this name.
     CopyOf(String),
 }
 
@@ -55,7 +55,7 @@ impl Claims {
 }
 
 impl Turn<'_> {
-    /// Does a volume of this batch have the name?
+    /// True if a volume of this batch has the name.
     pub(in crate::jobs) fn is_taken(&self, name: &str) -> bool {
         self.claims.lock().owners.contains_key(&fnv(name.as_bytes()))
     }
@@ -122,7 +122,7 @@ mod tests {
                 let (claims, got) = (&claims, &got);
                 scope.spawn(move || {
                     let turn = claims.turn(item);
-                    // Even ones are copies of each other, odd ones are all different.
+                    // Volumes of even items are copies of each other, those of odd items are all different.
                     let is_copy = |_: &Finding, (of, _): Place| item % 2 == 0 && of % 2 == 0;
                     let claim = turn.claim(&finding("a"), (item, 0), &is_copy);
                     got.lock().unwrap().push(claim);

@@ -1,5 +1,5 @@
-//! What earlier runs left in the output folder: models that this run did not come across. Reports go on telling where
-//! they came from, as nothing else does.
+//! Results of earlier runs in the output folder: models that this run did not come across. Reports go on naming their
+//! origin, which is recorded nowhere else.
 
 use std::collections::HashSet;
 use std::io::{self, BufRead, BufReader};
@@ -41,8 +41,8 @@ pub(in crate::jobs) fn items(
     Ok(())
 }
 
-/// Adds to the journal, behind this run's items, those of the report that lies in `out` whose models are still there
-/// and are not models of this run. `shows_text`: are thumbnails shown whose pixels may carry text?
+/// Adds to the journal, behind this run's items, the items of the report in `out` whose models are still there and are
+/// not models of this run. `shows_text` is set if thumbnails are shown whose pixels may carry text.
 ///
 /// Memory: a name for each model of this run, and a line.
 ///

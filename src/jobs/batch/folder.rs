@@ -1,15 +1,15 @@
-//! The output folder, which is left behind only if something is in it.
+//! The output folder, which is removed if it stays empty.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The folders that were made for the results, the innermost first; those that are empty go when it is dropped.
+/// Folders that were made for the results, the innermost first; the empty ones are removed when it is dropped.
 #[derive(Debug)]
 pub(in crate::jobs) struct NewFolders(Vec<PathBuf>);
 
 impl NewFolders {
-    /// Makes a folder, and those around it, as far as they are not there.
+    /// Makes a folder and its missing parents.
     pub(in crate::jobs) fn create(folder: &Path) -> io::Result<Self> {
         let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
         let missing = folder.ancestors().take_while(is_missing).map(Path::to_path_buf).collect();

@@ -1,4 +1,4 @@
-//! What hides times of change in records: a random number for each output folder, which stays there.
+//! Key that hides times of change in records: a random number for each output folder, which never leaves it.
 //!
 //! A record has to tell whether the input was changed, by its size, its time of change and the names of its files.
 //! A plain hash of these could be found again by trying times and names. With a number in it that does not
@@ -12,7 +12,7 @@ use std::path::Path;
 use crate::atomic::AtomicFile;
 use crate::source::StableHash;
 
-/// Name of the file; hidden, as the lock's.
+/// Name of the file; hidden, as the lock is.
 const NAME: &str = ".oct-key";
 
 /// The random number of an output folder.
@@ -20,7 +20,7 @@ const NAME: &str = ".oct-key";
 pub(super) struct Key([u64; 2]);
 
 impl Key {
-    /// The key of a folder, made if there is none.
+    /// The key of a folder, made if there is none yet.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -43,7 +43,7 @@ impl Key {
         Ok(Self(key))
     }
 
-    /// A fingerprint of input files as a record may tell it, in hexadecimal.
+    /// Fingerprint of input files for a record, in hexadecimal.
     pub(super) fn hidden(&self, fingerprint: u64) -> String {
         let keyed = |hash: StableHash, key: &u64| hash.number(*key).number(fingerprint);
         format!("{:016x}", self.0.iter().fold(StableHash::new(), keyed).finish())
@@ -62,7 +62,7 @@ mod tests {
         assert_ne!(hidden(0), hidden(1));
         let key = Key::of(folders[0].path()).unwrap();
         assert_ne!(key.hidden(7), key.hidden(8));
-        // One that cannot be read is made again.
+        // A damaged key is replaced.
         let before = hidden(0);
         fs::write(folders[0].path().join(NAME), "x").unwrap();
         assert_ne!(hidden(0), before);

@@ -15,19 +15,19 @@ use crate::platform::{self, file_id, open_file_id};
 /// Name of the file: it begins like the other hidden files of the program, and is hidden from searches.
 const NAME: &str = ".oct-lock";
 
-/// What somebody reads who finds the file after a crash.
+/// Content of the file, for somebody who finds it after a crash.
 const TEXT: &str = "Held by a running `oct batch`; when none is running, this file means nothing.\n";
 
-/// Files that vanish between being opened and being locked, until this is given up.
+/// Attempts at a file that vanishes between being opened and being locked.
 const ATTEMPTS: u32 = 100;
 
 /// The right to write into a folder; given back when dropped.
 #[derive(Debug)]
 pub(super) struct FolderLock {
     path: PathBuf,
-    /// Locked, or not lockable at all.
+    /// Locked, unless `warning` is set.
     file: File,
-    /// Why there is no lock, where the file system has none.
+    /// Sentence on the missing lock, where the file system has no locks.
     pub(super) warning: Option<String>,
 }
 
@@ -48,7 +48,7 @@ impl FolderLock {
             }
             if is_named(&file, &path) {
                 if file.metadata().is_ok_and(|meta| meta.is_file() && meta.len() == 0) {
-                    // For people only: a full disk is met where it matters.
+                    // For people only; an error such as a full disk shows up where it matters.
                     let _ = file.write_all(TEXT.as_bytes());
                 }
                 return Ok(Self { path, file, warning: None });
@@ -74,7 +74,7 @@ impl Drop for FolderLock {
     }
 }
 
-/// Is this the file that has the name, and not one that was removed from it?
+/// True if `path` still names this file, and not one that has replaced it.
 fn is_named(file: &File, path: &Path) -> bool {
     let is_file = fs::symlink_metadata(path).is_ok_and(|named| named.is_file());
     is_file && open_file_id(file).is_ok_and(|open| file_id(path).is_ok_and(|named| open == named))
@@ -98,7 +98,7 @@ mod tests {
         assert!(text.contains("another batch") && text.contains("folder with out"), "{text}");
         drop(lock);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        // One that a killed batch left means nothing, whatever is in it.
+        // The file of a killed batch means nothing, whatever its content.
         fs::write(folder.path().join(NAME), "left").unwrap();
         drop(FolderLock::take(folder.path()).unwrap());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

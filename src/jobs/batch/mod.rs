@@ -7,17 +7,17 @@
 //!                          +-- record beside each model: what is done is not done again
 //! ```
 //!
-//! | file | what it does |
+//! | file | content |
 //! |---|---|
-//! | `claims` | which volume has which name |
+//! | `claims` | names of the volumes |
 //! | `folder` | the output folder |
-//! | `key` | what hides times of change in records |
+//! | `key` | key that hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
-//! | `options` | what was asked for, as a number and for people |
+//! | `options` | options of the request, as a number and for people |
 //! | `settle` | labels or a threshold, without a choice |
-//! | `record` | what is remembered of each volume |
+//! | `record` | record of each volume |
 //! | `report` | `report.json` and `report.csv`, and `viewer.html`, a linked page of models |
-//! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
+//! | `page` | `index.html`, the contact sheet, and `report.js`, its names and folders, which stay at home |
 
 mod claims;
 pub(super) mod earlier;
@@ -67,37 +67,37 @@ use lock::FolderLock;
 use options::options_fingerprint;
 use record::{Journal, Record};
 
-/// Code that is resident on top of that of one stage of one job: other jobs are at other stages.
+/// Resident code beyond that of one stage of one job: other jobs are at other stages.
 const BATCH_CODE: u64 = 1 << 20;
 
 /// Memory for opening a small input and watching a job, for each job.
 const JOB_OVERHEAD: u64 = 704 << 10;
 
-/// Least memory that a job is of use with: a build of small slices.
+/// Least useful memory of a job: a build of small slices.
 const MIN_JOB: u64 = 1536 << 10;
 
-/// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
-/// is stated.
+/// Limit of the memory for opening a series of some 40,000 images. Larger ones are disregarded in the stated least
+/// memory of a batch.
 const USUAL_OPENING: u64 = 16 << 20;
 
-/// Pages of a model that its thumbnail may hold: with fewer than the least, they would come and go all the time.
+/// Pages of a model that its thumbnail may hold. With fewer than the minimum, they would be evicted all the time.
 const THUMBNAIL_PAGES: Range<u64> = 4 << 20..16 << 20;
 /// Room for the painter's code, which no build runs.
 const PAINTER_CODE: u64 = 1 << 20;
 
-/// What to convert, into what, and within which means.
+/// Inputs, outputs, options and resources of a batch.
 #[derive(Clone, Debug)]
 pub struct BatchRequest {
     /// Folders and files to search.
     pub inputs: Vec<PathBuf>,
-    /// Folder of the results; made if it is not there.
+    /// Folder of the results; made if it is missing.
     pub out: PathBuf,
     /// How volumes are read.
     pub how: OpenOptions,
-    /// What is done to each volume before it is built.
+    /// Reshaping and cleaning of each volume before it is built.
     pub clean: CleanOptions,
-    /// Are volumes that look like labels built as these, all of them, where no cleaning is asked for? A threshold that was
-    /// asked for says no.
+    /// True to build volumes that look like labels as labels, all of them, where no cleaning is asked for. False if a
+    /// threshold was given.
     pub find_labels: bool,
     /// How models are built. Its memory is the whole process's cap, its threads are shared by the jobs.
     pub build: BuildOptions,
@@ -105,13 +105,13 @@ pub struct BatchRequest {
     pub jobs: usize,
     /// Longest side of the thumbnails in pixels; 0 for none.
     pub thumbnails: u32,
-    /// Name files and folders in the contact sheet, too?
+    /// True to name files and folders in the contact sheet, too.
     pub keep_names: bool,
-    /// Make thumbnails of images whose pixels may carry text, such as the name of the patient?
+    /// True to make thumbnails also of images whose pixels may carry text, such as the name of the patient.
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
-    /// How meshes and trees of solids are put on a grid.
+    /// Grid of meshes and trees of solids.
     pub grid: GridOptions,
     /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
     pub modalities: Vec<String>,
@@ -120,11 +120,11 @@ pub struct BatchRequest {
 }
 
 impl BatchRequest {
-    /// Is a volume among those that were asked for?
+    /// True for a volume of the modalities and series of the request.
     fn asks_for(&self, finding: &Finding) -> bool {
         let modality = || match &finding.subject {
             Ok(subject) => subject.volume().and_then(|volume| volume.modality()),
-            // Of what is refused, the id still tells.
+            // A refused volume still has its id.
             Err(_) if finding.format == "dicom" => finding.id.split('-').next(),
             Err(_) => None,
         };
@@ -138,7 +138,7 @@ impl BatchRequest {
     }
 }
 
-/// Told how a batch goes on; called from several threads.
+/// Watcher of a batch; called from several threads.
 pub trait Watcher: Sync {
     /// The inputs have been searched: this many series and files were found.
     fn found(&self, items: u64);
@@ -263,7 +263,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     Ok(report)
 }
 
-/// Most files that are left out of which reports have the names; some 100 KiB at a time.
+/// Most left-out files that reports name; some 100 KiB at a time.
 const MAX_NAMED: usize = 1000;
 
 /// The first files that are left out, each with the reason.
@@ -278,7 +278,7 @@ fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
     Ok(named)
 }
 
-/// Reserves what is held in addition to the builds of so many jobs, if there is enough left for builds of use.
+/// Reserves the memory of so many jobs beyond their builds, if enough is left for useful builds.
 fn reserve_jobs(
     budget: &Budget,
     catalogue: &Catalogue,
@@ -290,8 +290,8 @@ fn reserve_jobs(
     Ok(held)
 }
 
-/// Reserves what is held in addition to the builds of so many jobs: code, what each takes to open and to watch, and what
-/// stays open.
+/// Reserves the memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay
+/// open.
 fn reserve_beside(
     budget: &Budget,
     catalogue: &Catalogue,
@@ -302,8 +302,8 @@ fn reserve_beside(
     budget.reserve(code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
 }
 
-/// What the items that can be opened within `openable` bytes take in addition to their builds: the largest one while it
-/// is opened, and what stays of the largest ones while they are worked on.
+/// Memory of the items that can be opened within `openable` bytes, beyond their builds: for the largest one while it is
+/// opened, and for the remainders of the largest ones while they are worked on.
 fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let mut largest = vec![0; jobs];
     for bytes in (0..catalogue.len()).map(|at| catalogue.opening_bytes(at)).filter(|bytes| *bytes <= openable)
@@ -316,7 +316,7 @@ fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     largest.first().copied().unwrap_or(0) + largest.iter().sum::<u64>() / 3
 }
 
-/// What is said of volumes whose pixels may carry text, by the numbers of these.
+/// The warning of volumes whose pixels may carry text, from their counts.
 fn told_of_text(counts: &[u64; BurnedIn::ALL.len()], request: &BatchRequest) -> Option<String> {
     let volumes: u64 = counts.iter().sum();
     let each = |(kind, count): (&BurnedIn, &u64)| {
@@ -342,27 +342,27 @@ fn told_of_text(counts: &[u64; BurnedIn::ALL.len()], request: &BatchRequest) -> 
     })
 }
 
-/// All that the workers of one batch share.
+/// State that the workers of one batch share.
 struct Run<'a> {
     request: &'a BatchRequest,
     catalogue: &'a Catalogue,
     watcher: &'a dyn Watcher,
-    /// What the builds of all jobs may hold; each waits until what it needs is free.
+    /// Memory of the builds of all jobs; each waits until its need is free.
     builds: Budget,
-    /// What is held in addition to the builds of as many jobs as were asked for, without a limit: with more memory more
-    /// jobs fit, which take more in addition to their builds.
+    /// Memory of all jobs asked for beyond their builds, without a limit: with more memory more jobs fit, each of which
+    /// takes more beyond its build.
     with_all_jobs: Budget,
-    /// Memory of a job that needs no more.
+    /// Usual memory of a job.
     share: u64,
     threads: usize,
     options: String,
     key: Key,
     journal: Journal,
-    /// Taken while an item is opened that needs memory worth mentioning: one at a time.
+    /// Held while an item is opened that needs memory worth mentioning: one at a time.
     opening: Mutex<()>,
-    /// Which volume has which name.
+    /// Names of the volumes.
     claims: Claims,
-    /// What ends the whole batch: the output folder fails.
+    /// Error that ends the whole batch: the output folder fails.
     broken: Mutex<Option<Error>>,
     counts: [AtomicU64; 3],
     /// Volumes whose pixels may carry text, in the order of [`BurnedIn::ALL`].
@@ -380,7 +380,7 @@ impl Run<'_> {
         let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
         let findings = catch_unwind(AssertUnwindSafe(|| self.catalogue.open(at)));
         drop(turn);
-        // Whatever happened, those behind it wait for this.
+        // Items behind this one wait for its turn, even after a panic.
         let turn = self.claims.turn(at);
         let Ok(findings) = findings else {
             drop(turn);
@@ -402,7 +402,7 @@ impl Run<'_> {
         }
     }
 
-    /// A volume with its name, or what became of it already: too few slices, refused, or a copy of another.
+    /// A volume with its name, or its outcome if that is known already: too few slices, refused, or a copy of another.
     fn name(&self, turn: &claims::Turn<'_>, finding: Finding, place: claims::Place) -> Named {
         let mut item = Item {
             status: Status::Failed,
@@ -437,7 +437,7 @@ impl Run<'_> {
             Err(e) => {
                 item.cause = Some(Cause::of(e.kind()));
                 item.reason = Some(e.to_string());
-                // What an earlier state of the input gave would lie there as if it were this one's.
+                // A model of an earlier state of the input would pass for this one's.
                 if !turn.is_taken(&item.name) {
                     Record::clear(&self.request.out, &item.name);
                 }
@@ -468,7 +468,7 @@ impl Run<'_> {
         Named::Volume(item, Box::new(finding))
     }
 
-    /// Counts, shows and notes what became of a volume.
+    /// Counts, shows and notes the outcome of a volume.
     fn report(&self, order: (usize, usize), slot: usize, item: &Item) {
         let count = match item.status {
             Status::Converted => 0,
@@ -509,7 +509,7 @@ impl Run<'_> {
         let progress = self.watcher.begin(slot, &item.name);
         // A record describes a whole model; until then there is none.
         let before = Record::take(&self.request.out, &item.name);
-        // A defect in one volume's way must not take the others along.
+        // A defect that one volume triggers must not stop the others.
         let built = catch_unwind(AssertUnwindSafe(|| self.build(subject, &item.name, thumbnails, progress)));
         let built = built.unwrap_or(Err(Error::Internal));
         match built {
@@ -540,8 +540,8 @@ impl Run<'_> {
                     e => Cause::of(e.kind()),
                 });
                 item.reason = Some(e.to_string());
-                // What was built before of the same input, with other options, is not lost; of an input that has changed
-                // it would lie there as if it were this one's.
+                // An earlier model of the same input, with other options, is kept; a model of an input that has changed
+                // would pass for this one's.
                 match before {
                     Some(before)
                         if before.inputs == inputs && before.put_back(&self.request.out, &item.name) =>
@@ -572,18 +572,18 @@ impl Run<'_> {
         (picture + pages, pages)
     }
 
-    /// Is there no thumbnail of a model where there should be one, and is there memory for it now?
+    /// True if a model lacks the thumbnail that it should have, and there is memory for it now.
     fn lacks_thumbnail(&self, done: &Record, thumbnails: u32) -> bool {
         let needed = self.thumbnail_bytes(done.model.bytes).0;
         thumbnails > 0 && done.model.thumbnail.is_none() && needed <= self.builds.limit_bytes()
     }
 
-    /// What is reported of a volume that was built before. A thumbnail that is not to be shown any more goes.
+    /// The item of a volume that was built before. A thumbnail that is not to be shown any more is removed.
     fn skipped(&self, mut done: Record, mut item: Item, thumbnails: u32) -> Item {
         if thumbnails == 0
             && let Some(file) = done.model.thumbnail.take()
         {
-            // If that fails, the next run tries again.
+            // If this fails, the next run tries again.
             let _ = fs::remove_file(self.request.out.join(file)).and_then(|()| done.write(&self.request.out));
         }
         if thumbnails > 0 && done.model.thumbnail.is_none() {
@@ -592,13 +592,13 @@ impl Run<'_> {
         Item { status: Status::Skipped, model: Some(done.model), ..item }
     }
 
-    /// What is said where there is no memory for a thumbnail.
+    /// The warning of a thumbnail that lacks memory.
     fn no_thumbnail(&self, needed: u64) -> String {
         let enough = SizeArgument(self.with_all_jobs.smallest_limit_with(needed));
         format!("there is no memory for its thumbnail; {MEMORY} {enough} is enough")
     }
 
-    /// Model and thumbnail of one volume within the memory that it is granted.
+    /// Builds model and thumbnail of one volume within the memory that is granted.
     fn build(
         &self,
         subject: Subject,
@@ -647,7 +647,7 @@ impl Run<'_> {
         Ok((facts, thumbnail_bytes, warnings))
     }
 
-    /// Also tells the memory that was granted, and the scratch space that unrolling the volume took.
+    /// [`Run::build`] with the memory that was granted, and the scratch space that unrolling the volume took.
     fn build_granted(
         &self,
         subject: Subject,
@@ -681,12 +681,12 @@ impl Run<'_> {
             let job = BuildJob { grid, ..job };
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
             match (built, &again) {
-                // The grid that is asked for is for those that have none of their own.
+                // The grid of the request is for subjects without a grid of their own.
                 (Err(Error::Build(error)), Some(again)) if grid.grid.is_some() && has_own_grid(&error) => {
                     grid = &own;
                     subject = again();
                 }
-                // What a mesh takes shows when it is read, and what a tree takes when its leaves are placed.
+                // The memory of a mesh is known when it has been read, and of a tree when its leaves are placed.
                 (Err(Error::Build(error)), Some(again)) if error.minimum_bytes() > Some(granted) => {
                     least = error.minimum_bytes().unwrap_or(least);
                     subject = again();
@@ -700,7 +700,7 @@ impl Run<'_> {
         }
     }
 
-    /// Waits for memory, and builds within it; tells how much it was.
+    /// Waits for memory, and builds within it; also returns its amount.
     fn build_within(
         &self,
         job: &BuildJob<'_>,
@@ -714,8 +714,7 @@ impl Run<'_> {
         Ok((grant.bytes(), job.build(subject, String::new(), started)))
     }
 
-    /// What is asked for of a subject. What is asked for of volumes next to it does not stand in the way of a mesh or
-    /// a tree.
+    /// The options that apply to a subject. Options of volumes are dropped for a mesh or a tree.
     fn options_for(&self, subject: &Subject) -> BuildOptions {
         let asked = BuildOptions {
             threads: self.threads,
@@ -739,7 +738,7 @@ impl Run<'_> {
         BuildOptions { surface: is_chosen.then_some(surface), channels, error, ..asked }
     }
 
-    /// What is done to a subject before it is built: to a volume what is asked for.
+    /// The cleaning of a subject: as requested for a volume, none for others.
     fn clean_for(&self, subject: &Subject) -> CleanOptions {
         match subject.kind() {
             SubjectKind::Volume => self.request.clean.clone(),
@@ -764,12 +763,12 @@ impl Run<'_> {
     }
 }
 
-/// What is said of a copy.
+/// The reason of a copy.
 pub(super) fn copy_of(name: &str) -> String {
     format!("is a copy of what {name} is made of, byte for byte")
 }
 
-/// What is said of a volume that has the number `n`, as others have its id.
+/// The warning of a volume that has the number `n`, as others have its id.
 pub(super) fn numbered(n: u32) -> String {
     format!(
         "{} other volume(s) have the same id, and another content: this one is numbered in the order of their paths",
@@ -777,15 +776,15 @@ pub(super) fn numbered(n: u32) -> String {
     )
 }
 
-/// Is a tree refused only since a grid is chosen, and it has that of a volume?
+/// True if a tree is refused only because a grid is chosen and the tree has the grid of a volume.
 fn has_own_grid(error: &BuildError) -> bool {
     let BuildFault::Source(error) = error.fault() else { return false };
     matches!(error.fault(), SourceFault::Said(fault) if fault.kind == FaultKind::OwnGrid)
 }
 
-/// A volume on its way.
+/// A volume that has been named.
 enum Named {
-    /// What became of it is known.
+    /// Its outcome is known.
     Settled(Item),
     /// It is to be built under the item's name, unless it was before.
     Volume(Item, Box<Finding>),

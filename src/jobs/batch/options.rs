@@ -1,4 +1,4 @@
-//! What was asked for, as far as results depend on it.
+//! The options of a request on which results depend.
 
 use super::{BatchRequest, fnv};
 use crate::source::OpenOptions;
@@ -6,7 +6,7 @@ use crate::source::OpenOptions;
 /// One number for everything in the request that the bytes of results depend on.
 pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
-    // Which volumes are taken changes none of them.
+    // The selection of volumes changes none of them.
     let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
         "{:?} {} {:?} {:?} {:?} {:?} {:?} {} {} {how:?} {:?} {:?}",

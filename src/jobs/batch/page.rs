@@ -1,8 +1,8 @@
-//! `index.html`: a contact sheet of the thumbnails, one file that needs nothing else.
+//! `index.html`: a contact sheet of the thumbnails, in one file without references to others.
 //!
-//! It travels: volumes are called by their ids, and no sentence about an input is in it, as these may name files.
-//! Files and folders are named only where that was asked for, or while `report.js` lies next to the page: that file
-//! stays at home, as the other reports do.
+//! The page may be passed on: it names volumes by their ids and quotes no sentence about an input, as these may name
+//! files. Files and folders are named only on request, or while `report.js` lies next to the page: that file stays at
+//! home, as the other reports do.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -19,8 +19,8 @@ use crate::platform::PositionalFile;
 use crate::source::BurnedIn;
 use crate::text::{self, html};
 
-/// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
-/// could not be opened any more.
+/// Most thumbnails that are embedded in the page; larger batches refer to the files beside it, or the page would be too
+/// large to open.
 const MAX_EMBEDDED: u64 = 400;
 
 const HEAD: &str = r#"<!doctype html>
@@ -46,7 +46,7 @@ table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 
 </style></head><body>
 "#;
 
-/// Sifts and sorts cards, leads pictures to models, and shows what only `report.js` knows: folders and reasons.
+/// Script that filters and sorts cards, links pictures to models, and shows the folders and reasons of `report.js`.
 pub(in crate::jobs) const SCRIPT: &str = r#"
 const q=document.getElementById("q"),f=document.getElementById("f"),none=document.getElementById("none"),all=[...document.querySelectorAll("article")];
 function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
@@ -63,10 +63,10 @@ for(const a of all){const r=at.get(a.querySelector("h3").textContent);if(!r)cont
 a.querySelector(".file").textContent=r[1];if(r[2])a.querySelector(".why").textContent=r[2]}}
 "#;
 
-/// The page that the pictures of a contact sheet lead to on a web server: a file's may not read another one.
+/// Page that the pictures of a contact sheet lead to on a web server: a page from a file may not read another file.
 pub(super) const VIEWER: &str = "viewer.html";
 
-/// What the page shows only at home.
+/// File of the names that the page shows only at home.
 pub(in crate::jobs) const HOME: &str = "report.js";
 
 /// Writes the page; one thumbnail at a time is in memory.
@@ -159,14 +159,14 @@ pub(in crate::jobs) fn home_line(item: &Item) -> String {
     format!("{},\n", text::json(&(&item.name, &item.input, &item.reason)))
 }
 
-/// What a volume is, and where it lies, if that may be told.
+/// Kind of a volume, and its place if the page may name files.
 fn kind(item: &Item, report: &BatchReport) -> String {
     let part = if item.part.is_empty() { String::new() } else { format!(", {}", item.part) };
     let input = if report.keep_names { format!(" · {}", item.input) } else { String::new() };
     html(&format!("{}{part}{input}", item.kind))
 }
 
-/// Why there is no model, without any name of a file.
+/// The reason for a missing model, without any name of a file.
 fn why(cause: &Cause) -> String {
     let text = match cause {
         Cause::FewSlices => "it has fewer slices than asked for",
@@ -182,7 +182,7 @@ fn why(cause: &Cause) -> String {
     text.into()
 }
 
-/// A volume without a model: what it is, and why.
+/// A volume without a model: its kind, and the reason.
 fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Result<()> {
     write!(
         w,

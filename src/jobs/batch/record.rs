@@ -1,5 +1,5 @@
-//! What a batch remembers of each volume: a record beside its model, by which a later run sees that the
-//! work is done, and the journal of this run, from which reports are written.
+//! Memory of a batch from run to run: a record beside each model, by which a later run sees that the work is done, and
+//! the journal of this run, from which reports are written.
 
 use std::fs;
 use std::io::{self, BufReader, Read, Write};
@@ -14,7 +14,7 @@ use crate::platform::PositionalFile;
 use crate::scratch::Appended;
 use crate::source::BurnedIn;
 
-/// What became of a volume.
+/// Outcome of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -29,22 +29,22 @@ pub enum Status {
     Kept,
 }
 
-/// Why there is no model, in a word without names.
+/// Reason for a missing model, in a word without names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Cause {
     /// It has fewer slices than were asked for.
     FewSlices,
-    /// It is not of the modalities or series that were asked for.
+    /// It is outside the modalities or series that were asked for.
     NotAskedFor,
-    /// Name of the volume of which it is a copy.
+    /// It is a copy of the volume of this name.
     CopyOf(String),
     /// The input cannot be used.
     Input,
     /// No voxel is inside.
     Empty,
-    /// It takes more memory than there is.
+    /// It takes more memory than is available.
     Memory,
     /// The disk failed, or is full.
     Disk,
@@ -70,7 +70,7 @@ impl Cause {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Item {
-    /// What became of it.
+    /// Outcome of the volume.
     pub status: Status,
     /// Name of the model, without .oct.
     pub name: String,
@@ -88,10 +88,10 @@ pub struct Item {
     pub input_bytes: u64,
     /// Reason to think that the pixels carry text; null without one.
     pub burned_in: Option<BurnedIn>,
-    /// Why there is no model, in a word: few_slices, not_asked_for, {copy_of: NAME}, input, empty, memory, disk,
-    /// options or defect; else null.
+    /// Reason for the missing model, in a word: few_slices, not_asked_for, {copy_of: NAME}, input, empty, memory, disk,
+    /// options or defect; null if there is a model.
     pub cause: Option<Cause>,
-    /// Why it failed or was left alone, in one sentence that may name files; else null.
+    /// Reason for the failure or the omission, in one sentence that may name files; else null.
     pub reason: Option<String>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
@@ -100,7 +100,7 @@ pub struct Item {
 }
 
 impl Item {
-    /// What is reported where opening an item of the catalogue met a defect of the program.
+    /// The item of an input whose opening met a defect of the program.
     pub(super) fn of_defect(at: usize) -> Self {
         Self {
             status: Status::Failed,
@@ -120,7 +120,7 @@ impl Item {
     }
 }
 
-/// What is reported of a finished model.
+/// Facts of a finished model, as reported.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ModelFacts {
@@ -159,8 +159,8 @@ pub struct ModelFacts {
     pub scratch_bytes: u64,
 }
 
-/// A record on disk, beside its model, with which it travels: what the model is, and what it was made of. It
-/// names no file but the model's own, and no folder, and holds no sentence.
+/// A record on disk, beside its model, with which it travels: facts of the model and fingerprints of its origin. It
+/// names no file but the model's own and no folder, and holds no sentence.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     /// Version of the program.
@@ -204,25 +204,25 @@ impl Record {
         })
     }
 
-    /// Reads the record of `name`, if there is one that can be read.
+    /// Reads the record of `name`; `None` if it is missing or unreadable.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
         let file = PositionalFile::open(&record_path(out, name)).ok()?;
         serde_json::from_reader(BufReader::new(file.onwards(0).take(MAX_RECORD_BYTES))).ok()
     }
 
-    /// Takes the record of `name` away and leaves its files: while they are replaced, no record describes them.
+    /// Removes the record of `name` and leaves its files: while they are replaced, no record describes them.
     pub(super) fn take(out: &Path, name: &str) -> Option<Self> {
         let old = Self::read(out, name)?;
         let _ = fs::remove_file(record_path(out, name));
         Some(old)
     }
 
-    /// Puts a record back whose files are still what it describes.
+    /// Puts a record back whose files still fit it.
     pub(super) fn put_back(&self, out: &Path, name: &str) -> bool {
         self.name == name && self.is_whole(out) && self.write(out).is_ok()
     }
 
-    /// Is it the record of `name`, and are its files there?
+    /// True for the record of `name` whose files are there.
     pub(super) fn is_of(&self, name: &str, out: &Path) -> bool {
         self.name == name
             && !name.contains('/')
@@ -230,24 +230,24 @@ impl Record {
             && self.is_whole(out)
     }
 
-    /// What it says of the model.
+    /// Facts of the model.
     pub(super) fn into_model(self) -> ModelFacts {
         self.model
     }
 
-    /// Removes the files that a record describes, and the record first of all; without a record, nothing.
+    /// Removes the record of `name` first, and then its files; without a record, nothing.
     pub(super) fn clear(out: &Path, name: &str) {
         if let Some(old) = Self::take(out, name) {
             old.remove_files(out, name, None);
         }
     }
 
-    /// Removes the files that it names, but for those that what was built in its place has, too.
+    /// Removes the files that it names, except those of the model that replaced it.
     pub(super) fn remove_files(&self, out: &Path, name: &str, now: Option<&ModelFacts>) {
         let files = |model: &'_ ModelFacts| [Some(model.file.clone()), model.thumbnail.clone()];
         let kept = now.map(files).unwrap_or_default();
         let is_kept = |file: &String| kept.iter().flatten().any(|kept| kept == file);
-        // A record is a file like any other: names that lead elsewhere are not followed.
+        // A record may be tampered with: names that lead elsewhere are not followed.
         let own = |file: &String| file.starts_with(name) && !file.contains('/');
         for file in files(&self.model).into_iter().flatten().filter(|file| own(file) && !is_kept(file)) {
             let _ = fs::remove_file(out.join(file));
@@ -260,7 +260,7 @@ impl Record {
         file.commit()
     }
 
-    /// Are the files that it names still there, and as long as they were?
+    /// True if its files are still there, with unchanged lengths.
     pub(super) fn is_whole(&self, out: &Path) -> bool {
         let length = |name: &str| fs::metadata(out.join(name)).map_or(0, |meta| meta.len());
         length(&self.model.file) == self.model.bytes
@@ -295,7 +295,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Every item, in the order of the catalogue, whatever order they were finished in.
+    /// Calls `work` with every item in the order of the catalogue, whatever order they were finished in.
     pub(super) fn for_each(&self, work: &mut dyn FnMut(Item) -> io::Result<()>) -> io::Result<()> {
         let (texts, places) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         places.sort_by_key(|place| place.order);

@@ -15,7 +15,7 @@ use crate::page::{Shown, Way};
 use crate::source::{BurnedIn, GapPolicy};
 use crate::text::{self, data, plain};
 
-/// How many volumes came to which end.
+/// Numbers of volumes by outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Counts {
@@ -31,7 +31,7 @@ pub struct Counts {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LeftOutCount {
-    /// Why they are left out.
+    /// Reason for which they are left out.
     pub reason: String,
     /// Number of files.
     pub count: u64,
@@ -51,15 +51,15 @@ impl From<&LeftOut> for LeftOutCount {
 pub struct LeftOutFile {
     /// The file or folder.
     pub path: String,
-    /// Why it is left out, or was not entered.
+    /// Reason for which it is left out, or was not entered.
     pub reason: String,
 }
 
-/// The report of a batch, but for the volumes.
+/// The report of a batch, without the volumes.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct BatchReport {
-    /// Ends of the volumes.
+    /// Numbers of volumes by outcome.
     #[serde(flatten)]
     pub counts: Counts,
     /// Files that are not volumes, by reason.
@@ -76,7 +76,7 @@ pub struct BatchReport {
     pub jobs: usize,
     /// Seconds from start to end.
     pub wall_s: f64,
-    /// Are files and folders named in the contact sheet?
+    /// True if files and folders are named in the contact sheet.
     #[serde(skip)]
     pub(super) keep_names: bool,
     /// Contents of the output folder, from this run and earlier ones.
@@ -183,7 +183,7 @@ pub struct Holdings {
 }
 
 impl Holdings {
-    /// Counts the models that have a record in a folder; one that cannot be read holds nothing.
+    /// Counts the models that have a record in a folder; 0 for a folder that cannot be read.
     pub(super) fn of(folder: &Path) -> Self {
         let mut holds = Self::default();
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -199,11 +199,11 @@ impl Holdings {
     }
 }
 
-/// What reports say at their top.
+/// Notice at the top of reports.
 pub const NOTICE: &str =
     "names files and folders as they are, which may tell who is shown: keep it with the images";
 
-/// The first column says in every line what the table is.
+/// The first column repeats the notice in every line.
 const CSV_HEAD: &str = "names_files_and_folders,status,name,input,part,format,kind,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
 skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes,label_count\n";
 
@@ -219,7 +219,7 @@ impl BatchReport {
         })?;
         write_whole(&out.join(page::HOME), |w| page::write_home(journal, w))?;
         if self.holds.models == 0 {
-            // There is none, or it shows nothing any more.
+            // It may be missing, or show models that are gone.
             let _none = std::fs::remove_file(out.join(page::VIEWER));
         } else {
             let shown = Shown::<&[u8]>::Linked(None);
@@ -232,7 +232,7 @@ impl BatchReport {
 
     /// The object of the command contract, items included, as one line of text.
     fn write_json(&self, journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
-        // The notice comes first, and the items last, which are never all in memory.
+        // The notice comes first, and last the items, which are never all in memory.
         let facts = text::json(self);
         let facts = facts.strip_prefix('{').and_then(|facts| facts.strip_suffix('}')).unwrap_or_default();
         let notice = text::json(&format!("this report {NOTICE}"));
@@ -247,7 +247,7 @@ impl BatchReport {
     }
 }
 
-/// An atomic text file of the output folder, written through a buffer.
+/// Writes an atomic text file of the output folder through a buffer.
 fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) -> io::Result<()> {
     let file = AtomicFile::create(path)?;
     let mut buffered = io::BufWriter::with_capacity(16 << 10, file.file());
@@ -257,7 +257,7 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result
     file.commit()
 }
 
-/// A text of the table, quoted as RFC 4180 says.
+/// A text of the table, quoted by RFC 4180.
 fn quoted(text: &str) -> String {
     // A cell that begins like a formula would be evaluated by spreadsheets.
     let formula = text.starts_with(['=', '+', '-', '@', '\t']);
@@ -349,7 +349,7 @@ mod tests {
         (failed.model, failed.status, failed.reason) = (None, Status::Failed, Some("no".into()));
         for item in [item("a"), failed] {
             let line = csv_line(&item);
-            // Commas within quotes do not count.
+            // Commas within quotes are not separators.
             let cells = line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
             assert_eq!(cells, CSV_HEAD.matches(',').count(), "{line}");
             assert!(line.contains("\"a \"\"quoted\"\", <odd> one\""), "{line}");

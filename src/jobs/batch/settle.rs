@@ -1,4 +1,4 @@
-//! What a volume of a batch is built as, without a choice of what is inside.
+//! Choice between labels and a threshold for volumes of a batch where the request leaves it open.
 
 use super::Run;
 use crate::budget::MemoryCap;
@@ -10,8 +10,8 @@ use crate::jobs::labels::{Values, all_labels, look, stated};
 use crate::source::Subject;
 
 impl Run<'_> {
-    /// The options of a job for a reshaped subject, with what is odd about its values: those of all labels, if they are
-    /// labels by their header or by their values, without a choice of what is inside.
+    /// The options of a job for a reshaped subject, with remarks on its values: for all labels, if its header or its
+    /// values show labels and the request leaves the choice of the inside open.
     pub(super) fn settle(
         &self,
         job: &BuildJob<'_>,
@@ -20,7 +20,7 @@ impl Run<'_> {
         least: u64,
     ) -> Result<(BuildOptions, Option<BuildNote>), Error> {
         let asked = job.options.clone();
-        // Cleaning works on one inside.
+        // Cleaning needs a single inside.
         let CleanOptions { roi, .. } = job.clean;
         let is_cleaned = *job.clean != CleanOptions { roi: roi.clone(), ..CleanOptions::default() };
         let (true, false, Subject::Volume(source)) = (self.request.find_labels, is_cleaned, subject) else {

@@ -1,4 +1,4 @@
-//! `oct build --each`: a model for each label, out of one that has them all.
+//! `oct build --each`: a model of all labels, split into one for each label.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::source::{OpenOptions, SubjectKind};
 use crate::text::data;
 use crate::text::names::FORCE;
 
-/// Where the models of labels go.
+/// Outputs of the models of labels.
 #[derive(Clone, Copy, Debug)]
 pub struct EachLabel<'a> {
     /// Their folder; made if it is not there.
@@ -37,7 +37,7 @@ pub struct LabelModel {
     pub name: String,
     /// The label's own file.
     pub output: String,
-    /// Voxels of the volume that have it.
+    /// Voxels of the volume with this label.
     pub voxels: u64,
     /// Cells of the model.
     pub skin_voxels: u64,
@@ -45,15 +45,15 @@ pub struct LabelModel {
     pub bytes: u64,
 }
 
-/// As [`convert`] for a build of labels, and a model of each label in a file of its own, named by the label. The volume is
-/// read once: each model is taken from the model of all labels, whose very walls neighbours share.
+/// As [`convert`] for a build of labels, and a model of each label in a file of its own, named by the label. The volume
+/// is read once: each model is taken from the model of all labels, and neighbours share their walls exactly.
 ///
-/// Memory is that of the build, and its cap holds. Temporary disk: 12 bytes more for each label of a cell.
-/// Cost: about that of the build again, and a sync of each file.
+/// Memory as for the build, within its cap. Temporary disk: 12 bytes more for each label of a cell.
+/// Cost: about as much as the build again, and a sync of each file.
 ///
 /// # Errors
-/// As [`convert`]; a file of that name is there, and nothing is to be replaced: then no model of a label is written.
-/// Models of labels before one that failed stay, each whole.
+/// As [`convert`]; a file of that name exists and is not to be replaced: then no model of a label is written. Models of
+/// labels before one that failed stay, each whole.
 pub fn convert_each(
     kind: SubjectKind,
     inputs: &[PathBuf],
@@ -64,7 +64,7 @@ pub fn convert_each(
     build_each(job, each, |job| convert(kind, inputs, how, job))
 }
 
-/// As [`convert_each`], of whatever `build` builds.
+/// As [`convert_each`], for any `build`.
 pub(crate) fn build_each(
     job: &BuildJob<'_>,
     each: EachLabel<'_>,

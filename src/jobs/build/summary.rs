@@ -1,4 +1,4 @@
-//! What a build made and took, in a few lines for people.
+//! Result and cost of a build, in a few lines for people.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::jobs::info::{self, Info};
 use crate::text::names::MEMORY;
 use crate::text::{Short, shown};
 
-/// What was built, from what, and what it took.
+/// Input, output, figures and warnings of a build.
 #[derive(Clone, Debug)]
 pub struct BuildSummary {
     /// The inputs, as given.
@@ -24,13 +24,13 @@ pub struct BuildSummary {
     pub report: BuildReport,
     /// Facts of the finished file.
     pub info: Info,
-    /// The models of single labels, where each has one.
+    /// The models of single labels, if they were asked for.
     pub each: Vec<LabelModel>,
-    /// What cleaning was asked for, and what it did to the occupancy if it touched that.
+    /// Operations of cleaning, and its figures if it touched the occupancy.
     pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
     /// Sentences about the input.
     pub warnings: Vec<String>,
-    /// Sentences about what may be wanted besides, or instead.
+    /// Sentences that suggest other options.
     pub hints: Vec<String>,
     /// Seconds from opening the input to the model's name on disk.
     pub wall_s: f64,
@@ -105,7 +105,7 @@ impl BuildSummary {
     }
 }
 
-/// Report's sentence about a process whose peak is above its cap.
+/// The sentence of a report on a process whose peak is above its cap.
 pub(in crate::jobs) fn above_cap(cap: MemoryCap) -> Option<String> {
     let MemoryCap::Process(cap) = cap else { return None };
     let peak = peak_rss_bytes();

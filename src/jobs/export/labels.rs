@@ -45,8 +45,8 @@ pub struct LabelSurface {
 /// Writes the surface of each label of the model at `input` into a file of its own in `folder`, which is made if it is
 /// missing. Files are named by the labels' names, with their numbers where names are missing or the same.
 ///
-/// The surfaces are those of [`export`](super::export) to one file: closed, and where two labels touch both have the
-/// same triangles. Memory, disk and cost are those of one file.
+/// The surfaces are the same as [`export`](super::export) writes to one file: closed, and with common triangles where
+/// two labels touch. Memory, disk and cost are the same as for one file.
 ///
 /// # Errors
 /// As [`export`](super::export); the model has no labels. Files of labels before the one that failed stay.

@@ -15,7 +15,7 @@ use crate::format::{
 use crate::geom::Affine;
 use crate::load::Frame;
 
-/// Figures of a model that a build reports as well.
+/// Figures that the reports of a model and of its build share.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ModelFigures {
@@ -35,7 +35,7 @@ pub struct ModelFigures {
     pub surface: SurfaceKind,
     /// Skin voxels of the model.
     pub skin_voxels: u64,
-    /// Larger leaves and their distances from the cells in whose place they are; only of models built with `--error`.
+    /// Larger leaves and their distances from the cells that they replace; only of models built with `--error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub larger_leaves: Option<LeafFigures>,
     /// Nodes of the octree, one infobyte each.
@@ -54,9 +54,9 @@ pub struct ModelFigures {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LeafFigures {
-    /// How many there are.
+    /// Number of larger leaves.
     pub leaves: u64,
-    /// The bound, and what was measured.
+    /// The bound and the measured distances.
     #[serde(flatten)]
     pub distances: ErrorBound,
 }
@@ -138,7 +138,7 @@ pub struct InfoReport {
     pub noise: Option<Noise>,
     /// Nodes of each level, the root first.
     pub level_nodes: Vec<u64>,
-    /// The same as `source.bytes`.
+    /// Size of the source's samples, the same as `source.bytes`.
     pub raw_bytes: u64,
     /// `raw_bytes` / `bytes`.
     pub ratio_to_raw: f64,
@@ -146,7 +146,7 @@ pub struct InfoReport {
     pub paper_bytes: f64,
     /// `paper_bytes` / `bytes`.
     pub ratio_to_paper: f64,
-    /// The same for a volume that fills the grid.
+    /// The same ratio for a volume that fills the grid.
     pub ratio_to_paper_grid: f64,
     /// The labels, by number; empty for a model without them.
     pub labels: Vec<LabelFigures>,
@@ -167,9 +167,9 @@ pub struct LabelFigures {
     pub name: String,
     /// Its colour (sRGB), as #rrggbb.
     pub color: String,
-    /// Voxels of the volume that have it, those inside included.
+    /// Voxels of the volume with this label, those inside included.
     pub voxels: u64,
-    /// Volume of these voxels.
+    /// Volume of these voxels in mm3.
     pub volume_mm3: f64,
     /// The true volume and the volume of an exported mesh, whatever its smoothing, lie within it in 19 of 20 cases; null
     /// where the area is.
@@ -181,7 +181,7 @@ pub struct LabelFigures {
     pub area_error_mm2: Option<f64>,
 }
 
-/// Why a model was not measured.
+/// Reason for missing measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -200,7 +200,7 @@ pub enum NotMeasured {
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MeasuredFigures {
-    /// Why keys below are null; `--measure` measures packed and large models; null if measured.
+    /// Reason for null in the keys below; `--measure` measures packed and large models; null if measured.
     pub not_measured: Option<NotMeasured>,
     /// First voxel of the skin along x, y, z, and the one after the last.
     pub bounding_box_voxels: Option<[[u32; 3]; 2]>,

@@ -1,10 +1,11 @@
 //! Area of each label of a model of cells.
 //!
-//! A wall counts for both labels that it parts: a cell with one plane for the area that such a plane has on average, others
-//! for that of their walls. Errors are what an experiment asks for: 320 balls, boxes, tori and cylinders of 4 to 28 voxels,
-//! turned anyhow and along the axes. Areas of balls and tori are 0.5 and 2 % off; edges are rounded, as labels say nothing
-//! between samples: turned boxes lack 2 % and those along the axes, the worst, 20. 96 of 100 truths lie within the error.
-//! Thin labels keep the steps of their voxels in meshes, which have up to 1.6 times the area then.
+//! A wall counts for both labels that it parts: in a cell with one plane with the mean area of such a plane, in other
+//! cells with the area of their walls. Errors come from an experiment: 320 balls, boxes, tori and cylinders of 4 to 28
+//! voxels, turned anyhow and along the axes. Areas of balls and tori are 0.5 and 2 % off; edges are rounded, as labels
+//! say nothing between samples: turned boxes lack 2 % and boxes along the axes, the worst, 20. 96 of 100 true values
+//! lie within the error. Thin labels keep the steps of their voxels in meshes, which have up to 1.6 times the area
+//! then.
 
 use super::{Bend, Bends, Bounds, Weights, are_uneven, bounds};
 use crate::enclosed::SkinSlices;
@@ -14,7 +15,7 @@ use crate::geom::{Affine, Dims, cross, dot};
 use crate::load::ModelView;
 use crate::render::GridSpace;
 
-/// What was measured of a model of labels. Lengths are in millimetres.
+/// Measures of a model of labels, in millimetres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelMeasures {
     /// As [`Measures::voxels`](super::Measures::voxels), of all labels.
@@ -26,7 +27,7 @@ pub struct LabelMeasures {
     pub areas_mm2: Vec<Option<(f64, f64)>>,
 }
 
-/// Measures the labels of a model, whose table this is; `None` for one without a voxel, without a volume, or damaged.
+/// Measures the labels of a model with this table; `None` for one without a voxel, without a volume, or damaged.
 pub(in crate::jobs) fn measure_labels(
     view: &ModelView<'_>,
     table: &[Label],
@@ -70,7 +71,7 @@ pub(in crate::jobs) fn measure_labels(
     }
     let voxel = affine.determinant().abs();
     let of = |((WallArea { usual, within }, bend), label): ((WallArea, &Bend), &Label)| {
-        // Nothing for what is as thick as a sheet of three voxels.
+        // 0 for labels at least as thick as a sheet of three voxels.
         let thick = label.voxels as f64 * voxel / voxel.cbrt();
         let steps = STEPS * (3.0 * usual - 2.0 * thick).clamp(0.0, usual);
         let error = 1.5 * (usual - within).abs() + 3.0 * bend.edges + 0.01 * usual + steps;
@@ -81,7 +82,7 @@ pub(in crate::jobs) fn measure_labels(
     Some(LabelMeasures { voxels, box_mm, areas_mm2 })
 }
 
-/// Area that steps add to a sheet of one or two voxels, as a part of its own.
+/// Area that steps add to a sheet of one or two voxels, as a fraction of its own.
 const STEPS: f64 = 0.6;
 
 /// The error of a label's volume: its surface lies a quarter of a voxel at most from the faces of its voxels on average,
@@ -97,7 +98,7 @@ const EDGE: f64 = 0.98;
 #[derive(Clone, Copy, Debug, Default)]
 struct WallArea {
     usual: f64,
-    /// Of the planes in the cells.
+    /// Area of the planes in the cells.
     within: f64,
 }
 
@@ -106,7 +107,7 @@ pub(in crate::jobs) fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 
     faces(walls).into_iter().map(|(labels, face)| (labels, area(&face, axes))).collect()
 }
 
-/// Corners of what has a label in a cell, in its own coordinates.
+/// Corners of the labelled part of a cell, in its own coordinates.
 fn labelled(walls: &Walls, faces: &[([u16; 2], Vec<[f64; 3]>)]) -> Vec<[f64; 3]> {
     let corners = (0..8).filter(|corner| walls.corner(*corner) > 0);
     let at = |corner: usize| std::array::from_fn(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 });
@@ -140,7 +141,7 @@ fn faces(walls: &Walls) -> Vec<([u16; 2], Vec<[f64; 3]>)> {
     found
 }
 
-/// A part of a plane that is larger than the cell.
+/// A part of a plane that covers the cell.
 fn square(plane: &Plane) -> Vec<[f64; 3]> {
     let n = plane.normal.map(f64::from);
     let longest = (0..3).fold(0, |best, a| if n[a].abs() > n[best].abs() { a } else { best });
@@ -202,7 +203,7 @@ mod tests {
         let [x, y] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(normal::encode);
         let one = Walls::of_pair(Plane::new(x, 0), [5, 2]);
         assert_eq!(areas(&one, &CUBE), [([5, 2], 1.0)]);
-        // 7 at low x; of the rest 3 at low y, none at high y.
+        // Label 7 at low x; else 3 at low y, none at high y.
         let labels = [7, 3, 7, 0, 7, 3, 7, 0];
         let two = Walls::of_item(x, &WallItem { labels, planes: Some((0, y, 0)) });
         let axes = [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 5.0]];

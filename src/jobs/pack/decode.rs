@@ -50,7 +50,7 @@ pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<
     Ok(mapped)
 }
 
-/// Decodes the sections up to the infobytes, and makes the rank directory; how many they are.
+/// Decodes the sections up to the infobytes, and makes the rank directory; returns the number of these sections.
 fn decode_nodes<R: ReadAt + ?Sized>(
     source: &R,
     packed: &Frame,
@@ -69,7 +69,7 @@ fn decode_nodes<R: ReadAt + ?Sized>(
     Ok(first)
 }
 
-/// Decodes the sections after `first`. The coarse means are made meanwhile, of what is written already.
+/// Decodes the sections after `first`. The coarse means are made meanwhile, from the sections that are written already.
 fn decode_rest<R: ReadAt + ?Sized>(
     source: &R,
     packed: &Frame,
@@ -95,7 +95,7 @@ fn decode_rest<R: ReadAt + ?Sized>(
         decode()?;
         match means {
             Ok(means) => means.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-            // The system starts no more threads.
+            // No more threads can be started.
             Err(_) => rebuild_means(out, mapped, out),
         }
     })
@@ -131,7 +131,8 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_NONE => entry.stored_bytes == entry.content_bytes,
         CODEC_PLANES => entry.content_bytes <= blocks(5, planes::BLOCK_BYTES as u64),
         CODEC_DERIVED => entry.stored_bytes == 0,
-        // A block of symbols has two states of 4 bytes, and nodes of eight voxels at most; no bit of an infobyte is certain.
+        // A block of symbols has two states of 4 bytes, and nodes of at most eight voxels; an infobyte bit always costs
+        // something.
         CODEC_CUBES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
             frame.dims().depth() == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
         }
@@ -140,7 +141,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
     let right_kind = match (entry.codec, entry.kind) {
         (CODEC_NONE, _) => true,
         (_, None) => false,
-        // Blocks of bytes are legal for any section that is not read when a file is opened.
+        // Blocks of bytes are legal for any section that is not needed to open a file.
         (CODEC_PLANES, _) => true,
         (codec, Some(kind)) => codec == codec_of(frame, kind),
     };
@@ -162,7 +163,7 @@ fn decode_section<R: ReadAt + ?Sized>(
     let mut stored = Stored(Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES));
     let mut writer = Writer::new(out, target.offset, target.end());
     if let Some(follow) = follow {
-        // What stands before this section is written, or not read.
+        // Everything before this section is written, or never read.
         follow.reached(target.offset);
         writer = writer.followed(follow);
     }
@@ -187,7 +188,7 @@ fn decode_section<R: ReadAt + ?Sized>(
     }
 }
 
-/// A group's header into a group for so many levels, and its payload.
+/// Reads a group's header into a group of so many levels, and its payload.
 fn next_group<R: ReadAt + ?Sized, G: GroupCoder>(
     stored: &mut Stored<'_, R>,
     left: &mut u64,
@@ -199,7 +200,7 @@ fn next_group<R: ReadAt + ?Sized, G: GroupCoder>(
     Ok(subtrees)
 }
 
-/// SPEC 5.6: the infobytes of each group go to their depths.
+/// The infobytes of each group, written to their depths (SPEC 5.6).
 fn nodes<R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     frame: &Frame,
@@ -224,8 +225,8 @@ fn nodes<R: ReadAt + ?Sized>(
     levels.finish()
 }
 
-/// SPEC 5.7, 5.8: what is coded of each voxel; `read` adds to a group what its decoder has to know, `content`
-/// is what comes out.
+/// Items of each voxel (SPEC 5.7, 5.8); `read` adds the context of the decoder to a group, `content` returns the
+/// decoded items.
 fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     mapped: &Frame,
@@ -249,7 +250,7 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
             if worker.group.subtrees != stated {
                 return Err(CodingError::GroupSubtrees { subtrees: stated }.into());
             }
-            // The infobytes may say more than the header.
+            // The infobytes may have more voxels than the header states.
             due = due.checked_sub(worker.group.voxels as u64).ok_or(FormatError::MissingItem { kind })?;
             read(&mut worker.group)?;
             Ok(true)
@@ -278,7 +279,7 @@ fn directions<R: ReadAt + ?Sized>(
         kind,
         |_| Ok(()),
         |group, writer| {
-            // In parts, so that they do not stand in memory twice.
+            // In parts, so as not to hold them twice.
             group.normals.chunks(1 << 12).try_for_each(|part| {
                 bytes.clear();
                 bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
@@ -329,7 +330,7 @@ pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
     Ok(crc)
 }
 
-/// SPEC 5.4: writes the coarse means of the voxels that are in `source`, where they will stand in `out`.
+/// Writes the coarse means of the voxels in `source` to their place in `out` (SPEC 5.4).
 pub(super) fn rebuild_means<R: ReadAt + ?Sized>(source: &R, mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
     let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)

@@ -80,7 +80,7 @@ fn copy<R: ReadAt + ?Sized>(source: &R, entry: &SectionEntry, writer: &mut Write
     Ok(())
 }
 
-/// SPEC 5.3: the content from `start` to the section's end, in blocks.
+/// The content from `start` to the section's end, in blocks (SPEC 5.3).
 fn plane_blocks<R: ReadAt + ?Sized>(
     source: &R,
     start: u64,
@@ -109,7 +109,7 @@ fn length(len: usize) -> Result<u32, CodingError> {
         .ok_or(CodingError::GroupTooLong { bytes: len as u64 })
 }
 
-/// SPEC 5.2: one group after the other; `read` adds to its subtrees what the codec has to do with.
+/// One group after the other (SPEC 5.2); `read` adds the codec's items to its subtrees.
 fn groups<G: GroupCoder, R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,

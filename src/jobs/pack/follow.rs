@@ -1,4 +1,4 @@
-//! A file that is read while it is being written, from front to back: the coarse means are made of normals that other
+//! A file that is read while it is being written, from front to back: the coarse means are made from normals that other
 //! threads are still decoding.
 
 use std::fs::File;
@@ -7,14 +7,14 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 use crate::load::ReadAt;
 
-/// How far a file is written.
+/// Progress of a file's writer.
 #[derive(Debug)]
 struct Written {
     to: u64,
     stopped: bool,
 }
 
-/// A file whose readers wait for what is not written yet.
+/// A file whose readers wait for bytes that are not written yet.
 #[derive(Debug)]
 pub(super) struct Follow<'a> {
     file: &'a File,
@@ -23,19 +23,19 @@ pub(super) struct Follow<'a> {
 }
 
 impl<'a> Follow<'a> {
-    /// Nothing is written.
+    /// A file of which nothing is written.
     pub(super) fn new(file: &'a File) -> Self {
         Self { file, written: Mutex::new(Written { to: 0, stopped: false }), changed: Condvar::new() }
     }
 
-    /// All before this position is written.
+    /// Marks everything before this position as written.
     pub(super) fn reached(&self, position: u64) {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.to = written.to.max(position);
         self.changed.notify_all();
     }
 
-    /// Nothing more will be: waiting readers stop.
+    /// Ends the writing: waiting readers stop.
     pub(super) fn stop(&self) {
         self.written.lock().unwrap_or_else(PoisonError::into_inner).stopped = true;
         self.changed.notify_all();
@@ -61,7 +61,7 @@ impl ReadAt for Follow<'_> {
     }
 }
 
-/// Stops what it follows when it is dropped, however that comes about.
+/// Stops the followed file when it is dropped, also by a panic.
 #[derive(Debug)]
 pub(super) struct StopAtEnd<'a, 'b>(pub(super) &'a Follow<'b>);
 

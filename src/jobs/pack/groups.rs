@@ -10,11 +10,11 @@ use crate::render::picture::pool as pool_of;
 
 use super::stop::Stop;
 
-/// Most workers that decode: each has a group, its grids and its tables, 2.2 MiB. An encoder has a grid more, or the symbols
-/// of a block, and has to do with one, so that either stays within 8 MiB for a process.
+/// Most workers that decode: each has a group, its grids and its tables, 2.2 MiB. An encoder has one grid more, or the
+/// symbols of a block, and a single worker, so that either stays within 8 MiB for a process.
 const MAX_WORKERS: usize = 2;
 
-/// What to do with a group.
+/// Direction of the coding.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Direction {
     /// Payload to content.
@@ -61,8 +61,8 @@ impl<G: GroupCoder> Kernel for Work<'_, G> {
     }
 }
 
-/// Takes group after group through a coder. `fill` puts the next one into a worker, or says that the last has been;
-/// `drain` takes what came of it. Both see the groups in their order.
+/// Takes group after group through a coder. `fill` puts the next one into a worker, or reports the end; `drain` takes
+/// the result. Both see the groups in their order.
 ///
 /// A worker gets its next group as soon as the one before is drained, while others are still at work.
 pub(super) fn each_group<G: GroupCoder>(
@@ -74,7 +74,7 @@ pub(super) fn each_group<G: GroupCoder>(
         Direction::Encode => 1,
         Direction::Decode => std::thread::available_parallelism().map_or(1, usize::from).min(MAX_WORKERS),
     };
-    // Groups that are filled, and workers that have nothing to do.
+    // Filled groups, and idle workers.
     let (mut waiting, mut idle) = (VecDeque::new(), vec![Worker::new()]);
     let mut next = |idle: &mut Vec<Worker<G>>| -> Result<Option<Worker<G>>, Stop> {
         let mut worker = idle.pop().unwrap_or_else(Worker::new);
@@ -84,7 +84,7 @@ pub(super) fn each_group<G: GroupCoder>(
         let Some(worker) = next(&mut idle)? else { break };
         waiting.push_back(worker);
     }
-    // Where the system starts no more threads, this one does the work.
+    // This thread does the work if no more can be started.
     let pool = if waiting.len() > 1 { pool_of(most).ok() } else { None };
     let Some(pool) = pool else {
         while let Some(mut worker) = waiting.pop_front() {

@@ -1,4 +1,5 @@
-//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
+//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: a part of
+//! it.
 
 mod decode;
 mod encode;
@@ -33,7 +34,7 @@ use crate::progress::{Progress, Silent, Stopped};
 use crate::text::{data, shown};
 use strip::StripStop;
 
-/// What packing or unpacking did.
+/// Figures of packing or unpacking.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PackReport {
@@ -59,7 +60,7 @@ pub struct PackReport {
 }
 
 impl PackReport {
-    /// One sentence.
+    /// Report in one sentence.
     pub fn text(&self) -> String {
         format!(
             "{}: {} -> {} ({:.4} bytes per {})\n",
@@ -78,13 +79,13 @@ impl PackReport {
 /// more. Cost: below 0.5 microseconds per skin voxel.
 ///
 /// # Errors
-/// The input is damaged, foreign or packed already, or is written to meanwhile; the output cannot be written. Nothing is left at
-/// `output` then that was not there before.
+/// The input is damaged, foreign or packed already, or is written to meanwhile; the output cannot be written. A file at
+/// `output` is untouched then.
 pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
     pack_with(input, output, &Silent)
 }
 
-/// As [`pack`], until [`Progress::stopped`] says so: it is asked whenever some of the input is read. No stage is
+/// As [`pack`], until [`Progress::stopped`] returns true: it is asked whenever a part of the input is read. No stage is
 /// reported.
 ///
 /// # Errors
@@ -101,7 +102,7 @@ pub fn unpack(input: &Path, output: &Path) -> Result<PackReport, Error> {
     unpack_with(input, output, &Silent)
 }
 
-/// [`unpack`], stopped as [`pack_with`] is.
+/// As [`unpack`], with the stop of [`pack_with`].
 ///
 /// # Errors
 /// As [`pack_with`].
@@ -109,7 +110,7 @@ pub fn unpack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Resu
     convert(input, output, progress, |source, out| Ok(decode::unpack_file(source, out)?))
 }
 
-/// A file that cannot be read any more once the job is stopped: it ends whatever reads it.
+/// A file that cannot be read any more once the job is stopped, which ends all readers.
 struct Stoppable<'a> {
     file: &'a PositionalFile,
     progress: &'a dyn Progress,
@@ -126,7 +127,7 @@ impl ReadAt for Stoppable<'_> {
     }
 }
 
-/// Unpacks bytes that can be read by position into an empty file; the frame is that of the result.
+/// Unpacks bytes that can be read by position into an empty file; returns the frame of the result.
 pub(crate) fn unpack_to<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
     decode::unpack_file(source, out)
 }
@@ -153,10 +154,10 @@ fn convert(
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => unwritable(cause),
     };
-    // What started the program is done; a job of a few MiB feels its pages.
+    // The program's start is over; its pages would count in a job of a few MiB.
     give_back();
     let done = work(&Stoppable { file: &source, progress }, out.file());
-    // What was written over meanwhile was neither the one model nor the other, and anything may be found wrong in it.
+    // An input overwritten meanwhile is a mixture of two models, in which any fault may be found.
     then.check(&source, input)?;
     let frame = done.map_err(|stop| stop.at(input, stopped))?;
     if progress.stopped() {

@@ -35,7 +35,7 @@ const MAX_LEVELS: usize = 16;
 /// Bytes of a cursor over a level, and of one over items.
 const LEVEL_BUFFER: usize = 16 << 10;
 const ITEM_BUFFER: usize = 64 << 10;
-/// What reading one model and writing another takes: cursors, writers, the walk of means.
+/// Memory for reading one model and writing another: cursors, writers, the walk of means.
 const STREAMS: u64 = 1536 << 10;
 /// Bytes of a chunk at most, and of the chunks of all labels together, as far as a record fits.
 const MAX_CHUNK: usize = 8 << 10;
@@ -43,8 +43,8 @@ const ALL_CHUNKS: usize = 256 << 10;
 /// Bytes of a record's Morton code.
 const WORD: usize = size_of::<u64>();
 
-/// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its
-/// cells and bytes; 0 for a label of which nothing is to be seen, which has no model.
+/// Writes the model of each label of the model at `input` to its path in `outputs`, and returns its cells and bytes; 0
+/// for a label that has no cells, and no model.
 ///
 /// Memory: under 2 MiB for as many labels as a thousand, and some 250 bytes for each more; a refusal names `name`. Temporary disk: 8 bytes for each label of a cell
 /// and its items. Cost: some 0.1 microseconds for each, and a sync of each model.
@@ -101,7 +101,7 @@ pub(crate) fn split(
     Ok(made)
 }
 
-/// The channels of which each voxel has an item, with the bytes of an item.
+/// Channels with an item for each voxel, with the bytes of an item.
 fn items_of(frame: &Frame) -> impl Iterator<Item = (Channel, usize)> + '_ {
     frame
         .channels()
@@ -109,14 +109,14 @@ fn items_of(frame: &Frame) -> impl Iterator<Item = (Channel, usize)> + '_ {
         .map(|(channel, bytes)| (channel, bytes.into()))
 }
 
-/// What a record holds: the voxel's Morton code and items, and that of walls of a cell whose offset says so.
+/// Layout of a record: the voxel's Morton code and items, and the item of walls of a cell whose offset marks one.
 #[derive(Clone, Copy)]
 struct Layout {
-    /// Bytes of code and items.
+    /// Bytes of the code and the items.
     record: usize,
     /// Most bytes of the records of a chunk.
     chunk: usize,
-    /// Where the code of the normal and the offset stand.
+    /// Positions of the normal's code and of the offset.
     normal: usize,
     offset: usize,
 }
@@ -133,7 +133,7 @@ impl Layout {
         Self { record, chunk, normal, offset }
     }
 
-    /// Has a record of a cell an item of walls?
+    /// True if the record of a cell has an item of walls.
     fn has_item(&self, record: &[u8]) -> bool {
         record.get(self.offset) == Some(&HAS_CORNERS.cast_unsigned())
     }
@@ -161,7 +161,7 @@ impl Layout {
 /// The voxels of a model in Morton order, from one cursor for each level and channel.
 struct Voxels<'a> {
     levels: Vec<Cursor<'a, PositionalFile>>,
-    /// Of the open nodes: octants still to be visited, and the node's code.
+    /// Path of open nodes: octants still to be visited, and the node's code.
     path: Vec<(u8, u64)>,
     items: Vec<(usize, Cursor<'a, PositionalFile>)>,
     corners: Cursor<'a, PositionalFile>,
@@ -169,7 +169,7 @@ struct Voxels<'a> {
     blocks: Cursor<'a, PositionalFile>,
     form: LabelForm,
     left: u64,
-    /// Labels of the present group as the blocks have them, from the last to the next one.
+    /// Labels of the present group in the order of the blocks, reversed.
     group: Vec<u32>,
 }
 
@@ -197,7 +197,7 @@ impl<'a> Voxels<'a> {
         })
     }
 
-    /// Appends the record of the next voxel, and gives its labels as the blocks have them; `None` at the end.
+    /// Appends the record of the next voxel, and returns its labels as the blocks have them; `None` at the end.
     fn next(&mut self, layout: &Layout, record: &mut Vec<u8>) -> Result<Option<u32>, Stop> {
         let missing = |channel| Stop::from(FormatError::MissingItem { kind: SectionKind::Voxels(channel) });
         if self.left == 0 {
@@ -284,7 +284,7 @@ struct Buckets {
     all: Vec<Bucket>,
 }
 
-/// The levels of nodes that two codes of voxels share, of `depth`.
+/// Number of levels of nodes that two codes of voxels share, out of `depth`.
 fn shared_levels(a: u64, b: u64, depth: usize) -> usize {
     let bits = (u64::BITS - (a ^ b).leading_zeros()) as usize;
     (depth + 1).saturating_sub(bits.div_ceil(3)).min(depth)
@@ -299,7 +299,7 @@ impl Buckets {
         Self { records, depth: frame.dims().depth() as usize, layout, all }
     }
 
-    /// Takes every cell of a model for each of its labels.
+    /// Adds every cell of a model to the records of each of its labels.
     fn fill(&mut self, source: &PositionalFile, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
         let mut voxels = Voxels::new(source, frame)?;
         let (form, layout) = (frame.label_form(), self.layout);
@@ -343,7 +343,7 @@ impl Buckets {
         self.records.push(at, record).map_err(Stop::Output)
     }
 
-    /// Calls `found` with the records of a label, in their order: code, items and that of walls.
+    /// Calls `found` with the records of a label, in their order: code, items and item of walls.
     fn for_each(
         &self,
         label: usize,
@@ -429,7 +429,7 @@ fn write(
         if bucket.voxels > 0 && open[0] != 0 {
             close(&mut open, shared)?;
         }
-        // Where a node is shared, so is the way to it; the node above what differs has one more child.
+        // The path down to a shared node is shared, too; the node above the difference has one more child.
         for (d, node) in open.iter_mut().enumerate().take(depth).skip(shared.saturating_sub(1)) {
             *node |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
         }
@@ -459,7 +459,7 @@ fn write(
     Ok(own)
 }
 
-/// Items of walls and their directory, as they are written.
+/// Writers of the items of walls and of their directory.
 struct Walls<'a> {
     items: Writer<'a>,
     directory: Writer<'a>,
@@ -488,7 +488,7 @@ impl<'a> Walls<'a> {
     }
 }
 
-/// Writes directory and blocks of voxels that all have the one label of a model.
+/// Writes directory and blocks of voxels that all have the single label of a model.
 fn write_labels(own: &Frame, writer: &mut Writer<'_>) -> Result<(), Stop> {
     let mut left = own.header.voxels;
     let mut at = label_directory_bytes(left);

@@ -1,4 +1,4 @@
-//! What stops the work on a model.
+//! Reasons to stop the work on a model.
 
 use std::io;
 

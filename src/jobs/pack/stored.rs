@@ -1,4 +1,4 @@
-//! Stored bytes of a packed section, and where its infobytes go.
+//! Stored bytes of a packed section, and the writers of its infobytes.
 
 use std::fs::File;
 
@@ -33,7 +33,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
         Ok(bytes)
     }
 
-    /// SPEC 5.3: blocks until the writer is full.
+    /// Decodes blocks until the writer is full (SPEC 5.3).
     pub(super) fn planes(&mut self, item: u8, writer: &mut Writer) -> Result<(), Stop> {
         while !writer.is_full() {
             let len = usize::try_from(writer.room()).unwrap_or(usize::MAX).min(planes::block_bytes(item));
@@ -44,7 +44,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
         writer.flush().map_err(Stop::Output)
     }
 
-    /// SPEC 5.2: the number of subtrees of a group, and its payload.
+    /// The number of subtrees of a group, and its payload (SPEC 5.2).
     pub(super) fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
         let (len, subtrees) = (self.number()?, self.number()?);
         if subtrees == 0 || u64::from(subtrees) > left {
@@ -54,14 +54,15 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
     }
 }
 
-/// The depths of the subtrees in the output, each filled from front to back.
+/// Writers to the depths of the subtrees in the output, each from front to back.
 pub(super) struct LevelWriters<'a> {
     root_depth: u32,
     writers: Vec<Writer<'a>>,
 }
 
 impl<'a> LevelWriters<'a> {
-    /// Writes the infobytes above the subtrees, and stands at the first subtree; `None` without any nodes.
+    /// Writes the infobytes above the subtrees, and positions the writers at the first subtree; `None` without any
+    /// nodes.
     pub(super) fn new<R: ReadAt + ?Sized>(
         stored: &mut Stored<'_, R>,
         frame: &Frame,
@@ -91,7 +92,7 @@ impl<'a> LevelWriters<'a> {
             if brought > room {
                 return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
             }
-            // In parts, so that they do not stand in memory twice.
+            // In parts, so as not to hold them twice.
             level.chunks(1 << 14).try_for_each(|part| writer.write(part)).map_err(Stop::Output)?;
         }
         Ok(())

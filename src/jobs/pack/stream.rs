@@ -26,7 +26,7 @@ pub(super) struct Writer<'a> {
     end: u64,
     buffer: Vec<u8>,
     crc: u32,
-    /// Told how far the file is written.
+    /// Follower to be notified of the writer's position.
     follow: Option<&'a Follow<'a>>,
 }
 
@@ -36,7 +36,7 @@ impl<'a> Writer<'a> {
         Self { file, at: start, end, buffer: Vec::new(), crc: 0, follow: None }
     }
 
-    /// The same, one that tells how far it is.
+    /// The same writer, notifying a follower of its position.
     pub(super) fn followed(self, follow: &'a Follow<'a>) -> Self {
         Self { follow: Some(follow), ..self }
     }
@@ -61,12 +61,12 @@ impl<'a> Writer<'a> {
         if self.buffer.len() >= BUFFER_BYTES { self.flush() } else { Ok(()) }
     }
 
-    /// Is the place full?
+    /// True if the writer has reached its end.
     pub(super) fn is_full(&self) -> bool {
         self.position() == self.end
     }
 
-    /// Room left.
+    /// Bytes left.
     pub(super) fn room(&self) -> u64 {
         self.end.saturating_sub(self.position())
     }
@@ -86,18 +86,18 @@ impl<'a> Writer<'a> {
 /// The subtrees of a model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
-    /// Depth of their roots.
+    /// Depth of the subtrees' roots.
     pub(super) root_depth: u32,
-    /// Levels of nodes in each.
+    /// Levels of nodes in each subtree.
     pub(super) levels: u32,
-    /// The first of these that may have larger leaves.
+    /// The first level that may have larger leaves.
     first_leaves: usize,
-    /// How many: nodes (or, at depth 0, the voxel) that are their roots.
+    /// Number of subtrees: the nodes (or, at depth 0, the voxel) that are their roots.
     pub(super) subtrees: u64,
 }
 
 impl Shape {
-    /// Subtrees of at most so many levels.
+    /// Subtrees of at most `most` levels.
     pub(super) fn new(frame: &Frame, most: u32) -> Self {
         let depth = frame.dims().depth();
         let levels = depth.min(most);
@@ -167,7 +167,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         Ok(())
     }
 
-    /// Fills a group with the next subtrees (SPEC 5.2): so many that it is full, or all that are left.
+    /// Fills a group with the next subtrees (SPEC 5.2), until it is full or none is left.
     pub(super) fn fill(&mut self, group: &mut Group, full: usize) -> Result<(), Fault> {
         self.shape.clear(group);
         while group.voxels + group.leaves < full && self.left > 0 {
@@ -195,11 +195,11 @@ impl<'a, R: ReadAt + ?Sized> Normals<'a, R> {
         Ok(Self(Cursor::new(source, entry.offset, entry.end(), BUFFER_BYTES)))
     }
 
-    /// The next codes, so many, in the place of what `codes` held.
+    /// Replaces `codes` by the next `count` codes.
     pub(super) fn next(&mut self, count: usize, codes: &mut Vec<u16>) -> Result<(), Fault> {
         codes.clear();
         while codes.len() < count {
-            // Buffers and sections hold whole codes.
+            // Buffers and sections hold whole codes only.
             let missing = FormatError::MissingItem { kind: Self::KIND };
             let (part, rest) = match self.0.left() {
                 0 | 1 => return Err(missing.into()),

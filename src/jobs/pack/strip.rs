@@ -1,9 +1,9 @@
 //! `oct strip`: a finished model without some channels or fine levels.
 //!
-//! Channels and means that stay are copied. Where fine levels go, the boxes of the finest level that stays become the
-//! voxels: their items are the means of all voxels within, and the means of coarser nodes are made anew from those.
-//! Everything is read and written from front to back. Memory: that of [`crate::load::verify()`], under 3 MiB for any
-//! model. Cost: the model is verified, then read once or twice more.
+//! Channels and means that stay are copied. Where fine levels go, the boxes of the finest remaining level become the
+//! voxels: their items are the means of all voxels within, and the means of coarser nodes are made anew from them.
+//! Everything is read and written from front to back. Memory: as [`crate::load::verify()`], under 3 MiB for any model.
+//! Cost: the model is verified, then read once or twice more.
 
 use std::fs::File;
 use std::path::Path;
@@ -23,27 +23,27 @@ use crate::text::names::{CHANNELS, INFO, LEVELS, LOD};
 /// Bytes of a cursor's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// What is left out of a model.
+/// Parts to be left out of a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StripRequest {
-    /// The channels that stay; all of them if nothing is said.
+    /// Channels that stay; `None` for all.
     pub channels: Option<Channels>,
-    /// How many of the finest levels go: each makes boxes twice as long.
+    /// Number of finest levels to leave out: each makes boxes twice as long.
     pub levels: u32,
-    /// Do the means of coarse nodes stay, where they are?
+    /// True to keep the means of coarse nodes where they exist.
     pub lod: bool,
 }
 
-/// Writes a model without what the request leaves out; of a mapped file.
+/// Writes a mapped model without the parts that the request leaves out.
 ///
 /// # Errors
-/// The input is damaged, foreign or packed; the request does not fit it; the output cannot be written. Nothing is
-/// left at `output` then that was not there before.
+/// The input is damaged, foreign or packed; the request does not fit it; the output cannot be written. A file at
+/// `output` is untouched then.
 pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<PackReport, Error> {
     convert(input, output, &Silent, |source, out| strip_file(source, out, request))
 }
 
-/// Why stripping stopped.
+/// Reason for stopping.
 pub(super) enum StripStop {
     Stop(Stop),
     Request(fault::Fault),
@@ -100,7 +100,8 @@ pub(super) fn strip_file<R: ReadAt + ?Sized>(
     Ok(left)
 }
 
-/// Writes what follows from infobytes and items that are in `out`: directory, means, checksums, table and header.
+/// Writes the sections that follow from the infobytes and items in `out`: directory, means, checksums, table and
+/// header.
 pub(super) fn complete(left: &mut Frame, out: &File) -> Result<(), Stop> {
     decode::rebuild_rank(left, out)?;
     if left.sections.iter().any(|e| matches!(e.kind, Some(SectionKind::Means(_)))) {
@@ -144,7 +145,7 @@ fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, faul
     }
 }
 
-/// The frame of what is left: header, sections, metadata and levels, without checksums.
+/// The frame of the result: header, sections, metadata and levels, without checksums.
 fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Frame, Stop> {
     let mut left = frame.clone();
     let edge = 1_u32 << request.levels;
@@ -153,7 +154,7 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
         let [nx, ny, nz] = frame.dims().to_array().map(|n| n.div_ceil(edge));
         left.header.dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: [nx, ny, nz] })?;
         left.metadata.dims = [nx, ny, nz];
-        // The middle of the first box is that of the voxels within.
+        // The middle of the first box is the mean of the voxels within.
         let middle = frame.affine().apply([0.5 * f64::from(edge - 1); 3]);
         for (row, at) in left.metadata.affine.iter_mut().zip(middle) {
             row[..3].iter_mut().for_each(|step| *step *= f64::from(edge));
@@ -192,7 +193,7 @@ fn write_all(out: &File, entry: &SectionEntry, bytes: &[u8]) -> Result<(), Stop>
     writer.write(bytes).and_then(|()| writer.flush()).map_err(Stop::Output)
 }
 
-/// Copies the first bytes of a section, as many as are left of it.
+/// Copies the first bytes of a section, as many as the result keeps.
 fn copy<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, entry: &SectionEntry) -> Result<(), Stop> {
     let Some(from) = entry.kind.and_then(|kind| frame.section(kind)) else { return Ok(()) };
     let mut cursor = Cursor::new(source, from.offset, from.offset + entry.stored_bytes, BUFFER_BYTES);

@@ -1,4 +1,4 @@
-//! The input of parts: opened, and hashed with everything else that decides the bytes of the model.
+//! The input of parts: opened, and hashed with everything else that determines the bytes of the model.
 
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -18,19 +18,19 @@ use crate::jobs::build::{BuildJob, prepare};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::volume::VolumeSource;
 
-/// Version of the layout of parts and of what their digest is made of.
+/// Version of the layout of parts and of the contents of their digest.
 const VERSION: &str = "infobyte parts 2";
 
-/// What is built, as one build is asked for.
+/// Inputs, options and output, as for one build.
 #[derive(Clone, Copy)]
 pub struct PartsInput<'a> {
-    /// What lies at the inputs.
+    /// Kind of the inputs.
     pub kind: SubjectKind,
     /// The files and folders.
     pub inputs: &'a [PathBuf],
-    /// How they are opened.
+    /// Options for opening them.
     pub how: &'a OpenOptions,
-    /// How they are built. [`BuildJob::output`] is where parts of solids have their scratch files.
+    /// Options of the build. [`BuildJob::output`] is the place of scratch files for parts of solids.
     pub job: BuildJob<'a>,
 }
 
@@ -39,9 +39,9 @@ pub(super) struct Opened {
     pub(super) subject: Subject,
     /// Size of the model's grid.
     pub(super) dims: Dims,
-    /// The files that a solid is made of.
+    /// The files of a solid.
     pub(super) files: Vec<PathBuf>,
-    /// What comes before the parts.
+    /// The stages before the parts.
     pub(super) stages: Vec<Stage>,
 }
 
@@ -60,7 +60,7 @@ impl PartsInput<'_> {
         clean.preset.map_or(options.threshold, |preset| preset.threshold())
     }
 
-    /// What a part of a model cannot know.
+    /// An option of the build that a part of a model cannot support.
     fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<NotInParts> {
         let BuildJob { options, .. } = self.job;
         let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
@@ -79,7 +79,7 @@ impl PartsInput<'_> {
         BuildOptions { threshold: self.threshold(), ..self.job.options.clone() }
     }
 
-    /// Opens the input, and reshapes a volume. The grid and the files of a solid are found out by making it, unless they
+    /// Opens the input, and reshapes a volume. The grid and the files of a solid are found by making it, unless they
     /// are `known`.
     pub(super) fn open(&self, known: Option<(Dims, &[String])>) -> Result<Opened, Error> {
         let refuse = |what| {
@@ -124,11 +124,11 @@ impl PartsInput<'_> {
         Ok(found.0)
     }
 
-    /// The digest of everything that decides the bytes of the model: program, options, and of every file of the input its
-    /// name, length and time of change.
+    /// The digest of everything that determines the bytes of the model: program, options, and name, length and time of
+    /// change of every file of the input.
     pub(super) fn digest(&self, opened: &Opened, parts: u32) -> [u8; 32] {
         let BuildJob { clean, options, grid, .. } = self.job;
-        // What changes time and memory only is the same for all.
+        // Options that only change time and memory are set to the same values.
         let what = BuildOptions {
             memory: MemoryCap::Share(0),
             threads: 0,
@@ -163,7 +163,7 @@ impl PartsInput<'_> {
         hash.finalize().into()
     }
 
-    /// Unrolls a volume that has to be.
+    /// Unrolls a volume that needs it.
     pub(super) fn prepare(&self, opened: &mut Opened, scratch_beside: &Path) -> Result<(), Error> {
         let BuildJob { clean, options, progress, .. } = self.job;
         if let Subject::Volume(volume) = &mut opened.subject {
@@ -173,7 +173,7 @@ impl PartsInput<'_> {
         Ok(())
     }
 
-    /// Builds some parts, one after the other; the voxels of all of them.
+    /// Builds some parts, one after the other; returns the number of voxels in all of them.
     pub(super) fn build(
         &self,
         opened: &mut Opened,

@@ -35,7 +35,7 @@ pub struct PlanReport {
 }
 
 impl PlanReport {
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let [x, y, z] = self.grid_dims;
         let empty = if self.empty_parts > 0 {
@@ -112,7 +112,7 @@ impl PartReport {
         Self { stage: Some(stage.name()), was_there, ..self }
     }
 
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let done = match self.part_voxels {
             _ if self.was_there => "was there, and is sound".into(),
@@ -123,7 +123,7 @@ impl PartReport {
     }
 }
 
-/// What a surface is made of.
+/// Boxes of a surface, in a word.
 fn items(surface: SurfaceKind) -> &'static str {
     match surface {
         SurfaceKind::Skin => "skin voxels",
@@ -160,7 +160,7 @@ pub struct StageReport {
 }
 
 impl StageReport {
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let mut text = format!("{}: {} of {} parts", shown(&self.output), self.stage, self.parts);
         if let Some(threshold) = self.threshold {
@@ -225,7 +225,7 @@ impl MergeReport {
         }
     }
 
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         format!(
             "{}: {} parts joined, {} {}, {} nodes, {} in {:.2} s; peak resident memory {}\n",

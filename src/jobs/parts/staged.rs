@@ -29,7 +29,7 @@ impl PartsInput<'_> {
     /// The threshold of the parts.
     ///
     /// # Errors
-    /// The stages that find it are not done.
+    /// The stages that find it are not finished.
     pub(super) fn threshold_of(
         &self,
         opened: &Opened,
@@ -46,7 +46,7 @@ impl PartsInput<'_> {
         }
     }
 
-    /// The same on one machine, which looks at all values if they are not known.
+    /// The threshold on one machine, which reads all values if it is not known yet.
     pub(super) fn own_threshold(
         &self,
         opened: &mut Opened,
@@ -69,8 +69,7 @@ impl PartsInput<'_> {
         Ok(Threshold::Chosen(selection))
     }
 
-    /// The occupancy that cleaning has given, of which the slices that some parts read are checked; `None` where nothing is
-    /// cleaned.
+    /// The cleaned occupancy, with the slices checked that `parts` read; `None` without cleaning.
     pub(super) fn cleaned_bits(
         &self,
         opened: &Opened,
@@ -92,7 +91,7 @@ impl PartsInput<'_> {
         Ok(occupancy.into_bits())
     }
 
-    /// Cleans on one machine, if that is not done.
+    /// Cleans on one machine, unless that is done already.
     pub(super) fn own_cleaning(
         &self,
         opened: &mut Opened,
@@ -119,7 +118,7 @@ impl PartsInput<'_> {
         })
     }
 
-    /// The occupancy of a part's share of the slices, into its file.
+    /// Writes the occupancy of a part's share of the slices to its file.
     fn write_occupancy(
         &self,
         opened: &Opened,
@@ -135,7 +134,7 @@ impl PartsInput<'_> {
         })
     }
 
-    /// Cleans what the parts have found, and writes it down for them.
+    /// Cleans the occupancies that the parts have found, and writes the result for the parts to read.
     fn join_occupancy(
         &self,
         opened: &Opened,
@@ -184,7 +183,7 @@ impl PartsInput<'_> {
     }
 }
 
-/// Is an occupancy there, whole and sound?
+/// True for an existing, whole and sound occupancy.
 fn is_sound(id: &OccupancyId<'_>, progress: &dyn Progress) -> Result<bool, Error> {
     let check =
         |found: Option<Occupancy<'_>>| found.map(|found| found.check(0..u32::MAX, progress)).transpose();
@@ -194,7 +193,7 @@ fn is_sound(id: &OccupancyId<'_>, progress: &dyn Progress) -> Result<bool, Error
     }
 }
 
-/// Slices beyond its box that a part reads, at most.
+/// Most slices beyond its box that a part reads.
 const BEYOND: u32 = 8;
 
 /// A finding; one that is damaged counts as missing.
@@ -205,7 +204,8 @@ fn sound(found: Result<Option<Finding>, BuildError>) -> Result<Option<Finding>, 
     }
 }
 
-/// Opens the input of a plan for one of its stages; the extremes of all samples, if they come before it.
+/// Opens the input of a plan for one of its stages; also returns the extremes of all samples, if an earlier stage finds
+/// them.
 fn open(
     plan: &Plan,
     stage: Stage,
@@ -228,7 +228,7 @@ fn open(
     Ok((opened, extremes))
 }
 
-/// Finds what a stage asks of a part's share of the volume, unless that is there and sound.
+/// Runs a stage on a part's share of the volume, unless its result exists and is sound.
 ///
 /// # Errors
 /// The input is not what was planned for, the plan has no such stage, or an earlier one is not done.
@@ -266,7 +266,7 @@ pub fn part_stage(
     Ok(PartReport::new(plan, number, &path, started).with_stage(stage, was_there))
 }
 
-/// Adds up what a stage found in all parts.
+/// Merges the results of a stage in all parts.
 ///
 /// # Errors
 /// A part of the stage is missing, damaged or not of this plan; or all values are alike, so that there is no threshold.

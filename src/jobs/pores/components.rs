@@ -1,16 +1,16 @@
-//! Connected samples of one label, followed from slice to slice: pores are those outside that the surface encloses, bodies
-//! those inside.
+//! Connected samples of one label, followed from slice to slice: pores are outside and enclosed by the surface, bodies
+//! are inside.
 //!
 //! Outside, samples are connected through their six faces, inside also through edges and corners, so that a wall of one
-//! sample keeps two pores apart. A component is complete with the first slice that has none of its samples; those of a slice
-//! are given in the order of their first samples.
+//! sample keeps two pores apart. A component is complete with the first slice that has none of its samples; the
+//! components that end with a slice are returned in the order of their first samples.
 //!
 //! Memory: the runs of two slices, and the components that reach the last of them.
 
 use crate::enclosed::Rows;
 use crate::export::{LayerCell, RegionFrame, RegionSlice, Run};
 
-/// Which samples make components.
+/// Kind of the components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sought {
     /// Outside, enclosed.
@@ -31,11 +31,11 @@ pub(super) struct Component {
     pub(super) range: [[i64; 3]; 2],
     /// Area of the surface around it.
     pub(super) area: f64,
-    /// Place of its first sample, slice by slice.
+    /// Index of its first sample in the order of slices and rows.
     first: u64,
-    /// The component that it was joined with, or itself.
+    /// Component that it was joined with, or itself.
     parent: u32,
-    /// Number among all components that there were.
+    /// Number among all components so far.
     pub(super) serial: u32,
     /// True if it reaches the border of the swept samples.
     is_outer: bool,
@@ -73,7 +73,7 @@ pub(super) struct Components {
     before: Rows<Part>,
     now: Rows<Part>,
     components: Vec<Component>,
-    /// Components that a run touches.
+    /// Components that touch the present run.
     touched: Vec<u32>,
     /// Samples inside so far.
     pub(super) solid: u64,
@@ -81,11 +81,11 @@ pub(super) struct Components {
     is_noting: bool,
     /// The cells of the last slice with the components that they bound.
     pub(super) noted: Vec<Noted>,
-    /// Serial numbers of the components that others were joined with, or their own.
+    /// Serial number of the component that each was joined with, or its own.
     pub(super) parents: Vec<u32>,
 }
 
-/// A cell, and a component outside that it bounds.
+/// A cell, and a component outside that has a corner of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Noted {
     pub(super) serial: u32,
@@ -93,10 +93,10 @@ pub(super) struct Noted {
     pub(super) cell: [u32; 3],
 }
 
-/// The area of the surface that a cell adds to the samples of a label.
+/// A label, and the area of the surface that a cell adds to its samples.
 pub(super) type Side = (u16, f64);
 
-/// Gives the areas of a cell.
+/// Calls back with the areas of a cell.
 pub(super) type SidesOf<'a> = dyn Fn(&LayerCell, &mut dyn FnMut(Side)) + 'a;
 
 impl Components {
@@ -153,7 +153,7 @@ impl Components {
         self.now.end_row();
     }
 
-    /// A run as a component of its own.
+    /// A new component of one run.
     fn alone(&self, run: &Run, row: usize) -> Component {
         let RegionFrame { origin, width, height, slices } = self.frame;
         let (first, count) = (origin[0] + i64::from(run.start), i64::from(run.end - run.start));
@@ -175,7 +175,7 @@ impl Components {
         }
     }
 
-    /// The component of a run: those that it touches, joined, or a new one.
+    /// Joins the components that touch a run; without any, makes a new one. Returns its index.
     #[expect(clippy::cast_possible_truncation, reason = "at most a component for each run of two slices")]
     fn connect(&mut self, run: &Run, row: usize) -> u32 {
         // Edges and corners connect samples inside.
@@ -215,7 +215,7 @@ impl Components {
         number
     }
 
-    /// Joins two components; the one that is left.
+    /// Joins two components; returns the remaining one.
     fn join(&mut self, one: u32, other: u32) -> u32 {
         let (kept, joined) = (one.min(other), one.max(other));
         if kept != joined {
@@ -244,7 +244,7 @@ impl Components {
         }
     }
 
-    /// Adds a surface to the component of the cell's corners of a label. Corners that belong to several share it.
+    /// Adds a side of a cell to the components of the cell's corners with its label. Several components share it.
     fn add_area(&mut self, cell: &LayerCell, (label, area): Side) {
         if (label == 0) != (self.sought == Sought::Pores) {
             return;
@@ -289,7 +289,7 @@ impl Components {
         }
     }
 
-    /// Takes out the components without a sample in this slice, and numbers the others anew.
+    /// Removes the components without a sample in this slice, and renumbers the others.
     #[expect(clippy::cast_possible_truncation, reason = "at most a component for each run of two slices")]
     fn settle(&mut self) -> Vec<Component> {
         self.components.iter_mut().for_each(|component| component.is_live = false);

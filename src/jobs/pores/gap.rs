@@ -1,7 +1,8 @@
-//! The gap between a pore and the outer surface: the least distance of its cells' middles and corners from a cell of that.
+//! Gap between a pore and the outer surface: the least distance from middles and corners of the pore's cells to a cell
+//! of that surface.
 //!
-//! While slices pass, each cell is noted with the components that it bounds; which of these are enclosed is known when they
-//! end. Then the cells of each pore ask the cells that bound no pore.
+//! While slices pass, each cell is noted with the components that it bounds; whether these are enclosed is known when
+//! they end. Then a search runs from the cells of each pore over the cells that bound no pore.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
@@ -16,10 +17,10 @@ use crate::progress::Progress;
 /// Bytes of a noted cell.
 const NOTE_BYTES: usize = 24;
 
-/// Cells after which a stop is looked for.
+/// Cells between two checks for a stop.
 const PART: usize = 1024;
 
-/// Number of a component that bounds the outside, and of one that was left out.
+/// Numbers of a component that bounds the outside, and of one that was left out.
 const OUTER: u32 = 0;
 pub(super) const LEFT_OUT: u32 = u32::MAX;
 
@@ -42,7 +43,7 @@ impl Notes {
         Ok(())
     }
 
-    /// All of them, from the first one on.
+    /// Reads all of them, from the first one on.
     fn read(&mut self) -> io::Result<impl Iterator<Item = io::Result<Noted>> + '_> {
         self.0.flush()?;
         self.0.get_mut().rewind()?;
@@ -60,8 +61,8 @@ impl Notes {
         }))
     }
 
-    /// The gap of each of so many pores, by number from 1 on; infinity without an outer surface. `parents` leads from a
-    /// component to the one that it was joined with, `ends` are components that ended with their pores' numbers.
+    /// The gap of each of so many pores, by number from 1 on; infinity without an outer surface. `parents` maps a
+    /// component to the one that it was joined with, `ends` are components that ended, with their pores' numbers.
     ///
     /// Memory: a bit a cell, 8 bytes a component. Cost: a search for each cell of a pore, bounded by the gap so far.
     pub(super) fn gaps_mm(
@@ -75,7 +76,7 @@ impl Notes {
         let unreadable = |cause| Error::Output { path: std::env::temp_dir(), cause };
         let mut ids = vec![OUTER; parents.len()];
         ends.iter().for_each(|(serial, id)| ids[*serial as usize] = *id);
-        // A parent is older, so that its number is final before those of its children.
+        // A parent is older, so its number is final before its children's.
         for (serial, parent) in parents.iter().enumerate() {
             ids[serial] = ids[*parent as usize];
         }

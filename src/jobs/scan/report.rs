@@ -28,26 +28,26 @@ pub struct Listed {
     pub files: u64,
     /// Size of these files.
     pub input_bytes: u64,
-    /// Name of the volume of which it is a copy, byte for byte; a batch skips it.
+    /// Name of the volume that has the same bytes; a batch skips the copy.
     pub copy_of: Option<String>,
     /// True if it would be converted, judging by the headers.
     pub usable: bool,
-    /// Why it would be refused or skipped, in one sentence.
+    /// Reason why it would be refused or skipped, in one sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Its size; that of a mesh or a tree follows from the grid that is asked for.
+    /// Its size; the size of a mesh or a tree follows from the requested grid.
     #[serde(flatten)]
     pub size: Option<ListedSize>,
-    /// Labels that its header states, or that its values look like where these were read; null where it is not known to
-    /// be a label map.
+    /// Number of labels that its header states, or that its values suggest if they were read; null if it is not known
+    /// to be a label map.
     pub label_count: Option<usize>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<String>>,
-    /// A volume, a mesh or a tree of solids.
+    /// Kind of input: a volume, a mesh or a tree of solids.
     #[serde(skip)]
     pub subject: SubjectKind,
-    /// Size in voxels as far as the headers state it, of refused volumes, too.
+    /// Size in voxels as stated by the headers; also for refused volumes.
     #[serde(skip)]
     pub stated: Option<[u32; 3]>,
 }
@@ -66,7 +66,7 @@ pub struct ListedSize {
     pub scratch_bytes: u64,
 }
 
-/// The report of a scan, but for the volumes.
+/// The report of a scan, without the volumes.
 #[derive(Clone, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ScanReport {
@@ -76,7 +76,7 @@ pub struct ScanReport {
     pub refused: u64,
     /// Volumes that are copies of others; a batch skips them.
     pub copies: u64,
-    /// Were values read, too, and not headers alone? Only with `--values`.
+    /// True if values were read, not headers alone; only with `--values`.
     pub pixels_looked_at: bool,
     /// Files that are not volumes, by reason.
     pub left_out: Vec<LeftOutCount>,
@@ -94,7 +94,7 @@ impl ScanReport {
 }
 
 impl Listed {
-    /// The volume is not to be converted, for this reason.
+    /// Marks the volume as refused, for this reason.
     pub(super) fn refuse(&mut self, reason: String) {
         (self.usable, self.reason, self.size, self.warnings) = (false, Some(reason), None, None);
     }
@@ -107,7 +107,7 @@ impl Listed {
         let head = format!("{:>3}. {input} ({format}{kind}{part}, {} file(s))", self.number, self.files);
         if let Some(reason) = &self.reason {
             let end = if self.copy_of.is_some() { "skipped" } else { "refused" };
-            // The name has the number of the series; which of several it is would not be seen from the folder.
+            // The name has the series' number, which the folder does not show.
             let size = self.stated.map_or(String::new(), |[x, y, z]| format!("{x}x{y}x{z}, "));
             return format!("{head}\n  {size}{}\n  {end}: {}\n", self.name, shown(reason));
         }

@@ -1,8 +1,8 @@
 //! The thickness at one place: by a ray along the normal, or by the largest ball that touches the surface there.
 //!
-//! The ray is exact to the cell ([`trace`]) and asks where it *leaves* the solid. The ball shrinks from the ray's length
-//! until no surface lies in it (Ma, Bae and Choi 2012, "3D medial axis point approximation using nearest neighbors and the
-//! normal field"); of a surface point this is the local thickness of Hildebrand and Rüegsegger 1997.
+//! The ray is exact to the cell ([`trace`]) and looks for where it *leaves* the solid. The ball shrinks from the ray's
+//! length until no surface lies in it (Ma, Bae and Choi 2012, "3D medial axis point approximation using nearest
+//! neighbors and the normal field"); at a surface point this is the local thickness of Hildebrand and Rüegsegger 1997.
 
 use crate::cpu::Form;
 use crate::format::cell::CORNERS;
@@ -17,11 +17,11 @@ use crate::render::traverse::Hit;
 
 use super::Method;
 
-/// A ball touches what reaches no farther into it than this, in voxels: with .08 and noise of 2.5 % one cell in a thousand
-/// collapses on its neighbours, with .25 wedges come out too thick.
+/// Depth in voxels to which surface may reach into a ball: with .08 and noise of 2.5 % one cell in a thousand collapses
+/// on its neighbours, with .25 wedges come out too thick.
 const TOUCH: f64 = 0.15;
 
-/// As many standard deviations of the place by noise, where they are known and more.
+/// The same depth in standard deviations of the place by noise, where they are known and this is more.
 const TOUCH_SIGMAS: f64 = 4.0;
 
 /// Most steps of a ball; one to four are usual.
@@ -34,16 +34,16 @@ const HALVINGS: usize = 40;
 /// The thickness at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Thickness {
-    /// The ray meets no other side.
+    /// None: the ray meets no other side.
     #[default]
     None,
-    /// More than is asked for.
+    /// More than the requested maximum.
     Thicker,
-    /// In mm.
+    /// Thickness in mm.
     Of(f64),
 }
 
-/// How thickness is measured.
+/// Method, limit and surface of a measurement.
 #[derive(Clone, Copy)]
 pub(super) struct Gauge<'a> {
     pub(super) surface: Surface<'a>,
@@ -64,8 +64,8 @@ impl<'a> Gauge<'a> {
         }
     }
 
-    /// Length of the ray against the normal, to where it leaves the solid; `None` where it does not, or leaves by a cap of
-    /// the build at the border of the volume.
+    /// Length of the ray against the normal to its exit from the solid; `None` if it has no exit, or leaves through a
+    /// cap of the build at the border of the volume.
     fn ray(&self, place: &Sample) -> Option<f64> {
         let (view, spacing) = (self.surface.view, self.surface.space.spacing);
         let origin = std::array::from_fn(|a| place.point[a] / spacing[a]);
@@ -76,8 +76,8 @@ impl<'a> Gauge<'a> {
         (!self.surface.touches_border(hit.cell)).then_some(hit.t)
     }
 
-    /// Diameter of the largest ball that touches the place from within, at most `length`; `None` if a cap of the build at the
-    /// border of the volume stops it.
+    /// Diameter of the largest ball that touches the place from within, at most `length`; none if a cap of the build at
+    /// the border of the volume stops it.
     fn ball(&self, search: &mut Search<'a>, cell: u64, place: &Sample, length: f64) -> Thickness {
         let squares = |noise: Uncertainty<'_>| noise.squares_mm2(self.surface.view, VoxelIndex::new(cell));
         let sigma = self.noise.and_then(squares).map_or(0.0, |[noise, _]| noise.sqrt());
@@ -92,7 +92,7 @@ impl<'a> Gauge<'a> {
             let Some(found) = search.nearest(middle, &Query::within(radius - touch)) else { break };
             let way: [f64; 3] = std::array::from_fn(|a| place.point[a] - found.point[a]);
             let next = dot(way, way) / (2.0 * dot(way, place.normal));
-            // A point of the place's own facet says nothing.
+            // A point of the place's own facet is ignored.
             if !(next > 0.0 && next < radius) {
                 break;
             }
@@ -106,7 +106,7 @@ impl<'a> Gauge<'a> {
     }
 }
 
-/// The surface of cells to a ray that starts within: it is met where the ray leaves the solid.
+/// The surface of cells for a ray that starts inside: the hit is where the ray leaves the solid.
 struct Leaving<'a> {
     cells: CellItems<'a>,
     /// The ray in cells; its parameter is mm.
@@ -141,7 +141,7 @@ impl Within for Leaving<'_> {
                 let inside = |sample: &usize| value(at(*sample)) >= 0.0;
                 match (0..SAMPLES).find(|sample| inside(sample) && !inside(&(sample + 1))) {
                     Some(sample) => last_inside(value, at(sample), at(sample + 1)),
-                    // All in front, and farther so: another cell before held the surface.
+                    // All in front, and increasing: the surface was in an earlier cell.
                     None if passage.enter.is_some() && !inside(&0) && !inside(&SAMPLES) => {
                         (value(leave) < value(enter) && !(1..SAMPLES).any(|s| inside(&s))).then_some(enter)?
                     }
@@ -153,7 +153,7 @@ impl Within for Leaving<'_> {
     }
 }
 
-/// The place between an inner and an outer one where values change their sign.
+/// The place between an inner and an outer one where the sign changes.
 fn last_inside(value: impl Fn(f64) -> f64, mut inner: f64, mut outer: f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (inner + outer);

@@ -1,4 +1,4 @@
-//! `oct thickness`: how thick the walls of a model are.
+//! `oct thickness`: thickness of the walls of a model.
 
 mod gauge;
 mod report;
@@ -32,23 +32,23 @@ use crate::text::data;
 use gauge::{Gauge, Thickness};
 pub use report::{Spread, ThicknessReport, Thin, ThinPlace};
 
-/// Greatest ball unless it is given: this part of the volume's shortest side, and at most so many voxels. A ball's cost
-/// rises with its size.
+/// Default limit of a ball: this part of the volume's shortest side, and at most so many voxels. A ball's cost rises
+/// with its size.
 const BALL_PART: f64 = 1.0 / 8.0;
 const BALL_VOXELS: f64 = 32.0;
 
-/// Voxels that a wall needs to be measured.
+/// Fewest voxels of a wall that is measured.
 const MIN_VOXELS: f64 = 2.0;
 
-/// Greatest number of thin places listed.
+/// Most thin places listed.
 const MAX_PLACES: usize = 10;
 
-/// How thickness is measured.
+/// Definition of thickness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Method {
-    /// The way to the other side, against the normal.
+    /// Distance to the other side, against the normal.
     #[default]
     Ray,
     /// The largest ball within that touches the place.
@@ -56,7 +56,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ray => "ray",
@@ -65,10 +65,10 @@ impl Method {
     }
 }
 
-/// How walls are measured.
+/// Method and limits of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThicknessRequest {
-    /// How.
+    /// Definition of thickness.
     pub by: Method,
     /// Greatest thickness in mm; by default the volume's diagonal for rays, and for balls an eighth of its shortest side,
     /// at most 32 voxels.
@@ -80,7 +80,7 @@ pub struct ThicknessRequest {
 }
 
 impl Default for ThicknessRequest {
-    /// By rays, on all cores.
+    /// Rays, on all cores.
     fn default() -> Self {
         let threads = thread::available_parallelism().map_or(1, usize::from);
         Self { by: Method::Ray, max_mm: None, thin_mm: None, threads }
@@ -96,7 +96,7 @@ pub struct ThicknessOutputs<'a> {
     pub csv: Option<&'a Path>,
 }
 
-/// One cell.
+/// Results for one cell.
 #[derive(Clone, Copy, Default)]
 struct Row {
     number: u64,
@@ -112,8 +112,8 @@ struct Row {
 /// cell; by balls as many as their voxels are wide.
 ///
 /// # Errors
-/// The model is damaged, has a skin of voxels, labels, larger leaves or axes that are not at right angles; an output cannot
-/// be written, and then is as it was before.
+/// The model is damaged, has a skin of voxels, labels, larger leaves or axes that are not at right angles; an output
+/// cannot be written, and is left as it was before.
 pub fn thickness(
     path: &Path,
     request: &ThicknessRequest,
@@ -187,7 +187,7 @@ impl<'a> Job<'a> {
         Ok(report)
     }
 
-    /// Thickness, as a model carries it.
+    /// The quantity that the written model carries.
     fn quantity(&self, report: &ThicknessReport) -> Quantity {
         let reach = report.thickness.map_or(self.gauge.max_mm, |spread| spread.p99);
         let reach = self.request.thin_mm.map_or(reach, |thin| reach.max(2.0 * thin));

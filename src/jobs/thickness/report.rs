@@ -16,17 +16,17 @@ use crate::text::{Short, shown};
 pub struct ThicknessReport {
     /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
-    /// How it was measured.
+    /// Method of the measurement.
     pub by: Method,
-    /// Greatest thickness that was looked for.
+    /// Greatest thickness that is measured.
     pub max_mm: f64,
     /// Cells of the model.
     pub cells: u64,
-    /// Cells without a thickness: no other side was met, or one at the border of the volume.
+    /// Cells without a thickness: the ray meets no other side, or one at the border of the volume.
     pub none: Area,
-    /// Cells where it is more than `max_mm`.
+    /// Cells whose thickness is more than `max_mm`.
     pub thicker: Area,
-    /// How many are below the resolution.
+    /// Components, or cells, below the resolution.
     pub below_resolution: Area,
     /// Thickness, weighted by area; null if there is none.
     pub thickness: Option<Spread>,
@@ -75,9 +75,9 @@ impl Spread {
 pub struct Thin {
     /// Thickness below which a wall is thin.
     pub limit_mm: f64,
-    /// Their area.
+    /// Area of the thin places.
     pub area_mm2: f64,
-    /// Part of the area that was asked for, 0 to 1.
+    /// Part of the measured area, 0 to 1.
     pub share: f64,
     /// Connected thin cells, the thinnest first, at most ten.
     pub places: Vec<ThinPlace>,
@@ -87,13 +87,13 @@ pub struct Thin {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ThinPlace {
-    /// Its worst cell.
+    /// Place of its thinnest cell.
     pub at_mm: [f64; 3],
-    /// Thickness there.
+    /// Thickness of that cell.
     pub thickness_mm: f64,
-    /// Area of its cells.
+    /// Area of the place.
     pub area_mm2: f64,
-    /// Least and greatest coordinates.
+    /// Least and greatest coordinates of the place.
     pub box_mm: [[f64; 3]; 2],
 }
 
@@ -105,7 +105,7 @@ impl ThinPlace {
 }
 
 impl ThicknessReport {
-    /// For people.
+    /// Report for people.
     pub fn text(&self) -> String {
         let (by, most) = (self.by.name(), Short(self.max_mm));
         let mut text = format!("{}: {} cells, by {by}, up to {most} mm\n", shown(&self.input), self.cells);

@@ -10,7 +10,7 @@ use crate::{Threshold, Voxels};
 const SIDE: u32 = 40;
 const SPACING: f64 = 0.5;
 
-/// A body, below 0 inside, about the middle of a cube; in voxels of half a millimetre.
+/// A body about the middle of a cube, by a field below 0 inside; in voxels of half a millimetre.
 fn build(folder: &Path, body: &dyn Fn([f64; 3]) -> f64, surface: SurfaceKind) -> std::path::PathBuf {
     let path = folder.join("m.oct");
     #[expect(clippy::cast_possible_truncation, reason = "samples in single precision")]
@@ -49,7 +49,7 @@ fn plates_shells_and_tubes_are_as_thick_as_they_are() {
             let outputs = ThicknessOutputs { model: Some(&output), csv: None };
             let report = thickness(&path, &request, outputs, &Silent).unwrap();
             let model = Model::open(&output).unwrap();
-            // Away from the rims that the border of the volume makes.
+            // Away from the rims at the border of the volume.
             let inner = |c: &u32| (8..SIDE - 7).contains(c);
             let cells: Vec<_> = model.voxels().filter(|cell| cell.voxel.iter().all(inner)).collect();
             let values: Vec<f64> = cells.iter().filter_map(|cell| cell.value).collect();
@@ -79,7 +79,7 @@ fn results_do_not_depend_on_threads_and_flat_colours_are_those_of_the_values() {
         let thin = report.thin.unwrap();
         // On the outer ball and on the inner one, which do not touch.
         assert_eq!(thin.places.len(), 2);
-        // The outer ball's surface nearest to the inner one's: walls of 4 to 8 voxels.
+        // The place of the outer ball nearest to the inner one: walls of 4 to 8 voxels.
         assert!((thin.places[0].thickness_mm - 2.0).abs() < 0.05, "{thin:?}");
         assert_eq!((report.none.cells, report.thicker.cells), (0, 0));
         made.push([model, csv].map(|path| std::fs::read(path).unwrap()));

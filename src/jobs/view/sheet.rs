@@ -20,10 +20,10 @@ use crate::load::{LoadError, LoadFault};
 use crate::platform::PositionalFile;
 use crate::text::{data, html};
 
-/// Models of a contact sheet at most, and folders within one another.
+/// Most models of a contact sheet, and deepest nesting of folders.
 const MAX_ENTRIES: usize = 10_000;
 const MAX_DEPTH: usize = 16;
-/// Bytes that are served of a file of a batch: a page with some hundred thumbnails takes some 20 MB.
+/// Most bytes of a batch's file that are served: a page with some hundred thumbnails takes some 20 MB.
 const MAX_FILE: u64 = 256 << 20;
 
 const STYLE: &str = ":root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--tile:#dfe4ea}\
@@ -35,9 +35,9 @@ a{display:block;background:var(--card);border:1px solid var(--line);border-radiu
 a:hover,a:focus-visible{outline:2px solid #c2410c}img{display:block;width:100%;aspect-ratio:1;background:var(--tile);object-fit:contain}\
 span{display:block;padding:8px 12px 0;overflow-wrap:anywhere}small{display:block;padding:0 12px 10px;color:var(--soft)}";
 
-/// A file that may be looked at; it is opened when it is.
+/// A file of the sheet, opened when it is looked at.
 pub(super) struct Entry {
-    /// Within the folder.
+    /// Path within the folder.
     name: PathBuf,
     path: PathBuf,
     bytes: u64,
@@ -45,12 +45,12 @@ pub(super) struct Entry {
 }
 
 impl Entry {
-    /// A file by itself.
+    /// The entry of a single file.
     pub(super) fn of(path: &Path) -> Self {
         Self { name: PathBuf::new(), path: path.to_path_buf(), bytes: 0, opened: Mutex::default() }
     }
 
-    /// The model as it is open, or opened now.
+    /// The opened model, from before or opened now.
     ///
     /// # Errors
     /// It cannot be used.
@@ -91,7 +91,7 @@ fn walk(folder: &Path, within: &Path, depth: usize, found: &mut Vec<Entry>) -> i
         let entry = entry?;
         let (name, kind) = (within.join(entry.file_name()), entry.file_type()?);
         if kind.is_dir() && depth > 0 {
-            // What cannot be read is left out.
+            // Unreadable folders are left out.
             let _unreadable = walk(folder, &name, depth - 1, found);
         } else if name.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("oct")) && !kind.is_dir()
         {
@@ -108,7 +108,7 @@ fn walk(folder: &Path, within: &Path, depth: usize, found: &mut Vec<Entry>) -> i
 
 /// The contact sheet that a batch wrote into its folder, with the folders and reasons of its report.
 pub(super) struct BatchSheet {
-    /// `report.js` of every item.
+    /// Content of `report.js`, for every item.
     pub(super) home: String,
     /// File names of thumbnails.
     thumbnails: HashSet<String>,
@@ -138,7 +138,7 @@ impl BatchSheet {
         (shows_all && folder.join(Self::PAGE).is_file()).then_some(Self { home, thumbnails })
     }
 
-    /// The file of a name that the page asks for: the page itself, or a thumbnail.
+    /// A file that the page requests: the page itself, or a thumbnail.
     pub(super) fn file(&self, folder: &Path, name: &str) -> Option<(&'static str, Vec<u8>)> {
         let (kind, name) = match name {
             "" => ("text/html; charset=utf-8", Self::PAGE),
@@ -154,7 +154,8 @@ impl BatchSheet {
         Some((kind, bytes))
     }
 
-    /// Permissions of the page: it runs the script that batches write, shows pictures, and reaches nothing outside.
+    /// Content security policy of the page: it runs the script that batches write, shows pictures, and reaches nothing
+    /// outside.
     pub(super) fn policy() -> String {
         let hash = STANDARD.encode(Sha256::digest(SCRIPT));
         format!(
@@ -169,7 +170,7 @@ pub(super) fn linked(entries: &[Entry], link: &str) -> Option<usize> {
     entries.iter().position(|entry| entry.name == Path::new(&name))
 }
 
-/// Text of an address without its `%XX`.
+/// Text of an address with its `%XX` decoded.
 fn decoded(text: &str) -> Option<String> {
     let mut parts = text.split('%');
     let mut bytes = parts.next()?.as_bytes().to_vec();
@@ -180,7 +181,7 @@ fn decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// The contact sheet: pictures of all models, which lead to their pages.
+/// The contact sheet: pictures of all models, which link to their pages.
 pub(super) fn page(folder: &Path, entries: &[Entry]) -> String {
     let title = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     let title = html(&data(Path::new(title.file_name().unwrap_or(title.as_os_str()))));

@@ -1,4 +1,4 @@
-//! A model or a scene that is looked at: its page, and pictures of it.
+//! The model or scene in view: its page, and pictures of it.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,11 +17,11 @@ use crate::render::{GridSpace, Image, Projection, ViewPoint};
 use crate::scene::LabelRule;
 use crate::text::data;
 
-/// Pixels along a side of a picture, and in all: those of the largest screens.
+/// Most pixels along a side of a picture, and in all: as many as the largest screens have.
 const MAX_SIDE: u32 = 4096;
 const MAX_PIXELS: u32 = 1 << 23;
 
-/// A model or a scene.
+/// Kind of a subject.
 enum What {
     Model(Box<Model>),
     Scene(Box<OpenScene>),
@@ -100,12 +100,12 @@ impl Subject {
     }
 
     /// # Errors
-    /// Its file is not what it was when it was opened.
+    /// Its file was changed since it was opened.
     pub(super) fn check_unchanged(&self) -> Result<(), Refused> {
         let changed = |error| Refused::because(410, Error::from(error));
         match &self.what {
             What::Model(model) => model.check_unchanged(&self.path).map_err(changed),
-            // A scene looks after its own files.
+            // A scene checks its own files.
             What::Scene(_) => Ok(()),
         }
     }
@@ -117,8 +117,8 @@ fn png(image: &Image) -> Result<Vec<u8>, Refused> {
     Ok(png)
 }
 
-/// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: as the page writes its view, with
-/// width and height, and `x=5,7..20` for labels that are hidden; `None` for one that makes no sense.
+/// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: view in the page's format, width
+/// and height, and `x=5,7..20` for hidden labels; `None` for an invalid one.
 fn picture(text: &str) -> Option<RenderRequest> {
     let value = |name: &str| text.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
     let point = |name| -> Option<[f64; 3]> {

@@ -13,10 +13,10 @@ use std::borrow::Cow;
 
 /// Memory that a decoder of PNG may allocate.
 const DECODER_BYTES: usize = 4 << 20;
-/// Bytes that a texel of a row takes: in rows of the decoder, in a row of every size of the image, in one that waits.
+/// Bytes for a texel of a row: in rows of the decoder, in a row of every size of the image, and in a waiting one.
 const ROW_TEXEL: u64 = 40;
 const MAX_SIDE: u32 = 32_768;
-/// Texels of an image whose file is small, and more for each of its bytes.
+/// Most texels of an image with a small file, and more for each of its bytes.
 const MAX_TEXELS: u64 = 1 << 24;
 const MAX_TEXELS_PER_BYTE: u64 = 64;
 
@@ -25,7 +25,7 @@ const WEBP: &str = "is a WebP image, which is not read; write it as PNG or JPEG"
 const KTX: &str = "is a KTX2 image, which is not read; write it as PNG or JPEG";
 const DAMAGED: &str = "is damaged or cut short; copy it again";
 
-/// Why an image is refused: it is wrong or unreadable, or the scratch file cannot be written.
+/// Reason to refuse an image: it is wrong or unreadable, or the scratch file cannot be written.
 #[derive(Debug)]
 pub(super) enum Stop {
     Wrong(Cow<'static, str>),
@@ -87,8 +87,8 @@ fn range_of(image: &Image) -> FileRange<'_> {
     FileRange { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 }
 }
 
-/// Memory that reading an image takes beyond what a decoder takes of any: rows, and all of one whose samples come in
-/// several passes over it (JPEG; those of PNG wait in a scratch file). Only headers are read.
+/// Memory that reading an image takes beyond any decoder's: rows, and the whole image if its samples come in several
+/// passes over it (JPEG; PNG samples wait in a scratch file). Only headers are read.
 pub(in crate::mesh) fn needed_bytes(image: &Image) -> u64 {
     let mut run = range_of(image);
     let mut head = [0; 24];
@@ -99,7 +99,7 @@ pub(in crate::mesh) fn needed_bytes(image: &Image) -> u64 {
             ROW_TEXEL * u64::from(u32::from_be_bytes([a, b, c, d]).min(MAX_SIDE))
         }
         [0xff, 0xd8, 0xff, ..] => {
-            // Refused twice: for its tables, and for its samples.
+            // An image is refused twice: for its tables, and for its samples.
             let (mut allowed, mut width) = (0, Width(0));
             for _ in 0..2 {
                 run.at = 0;
@@ -113,7 +113,7 @@ pub(in crate::mesh) fn needed_bytes(image: &Image) -> u64 {
     }
 }
 
-/// Takes the width of an image, and no row.
+/// Receiver of the width of an image, and of no row.
 struct Width(u32);
 
 impl RowSink for Width {
@@ -127,7 +127,7 @@ impl RowSink for Width {
     }
 }
 
-/// Hands the rows of an image on; what an image says of transparency is left out.
+/// Hands the rows of an image on; transparency is left out.
 pub(super) fn read(image: &Image, folder: &Path, rows: &mut dyn Rows) -> Result<(), Stop> {
     let mut run = range_of(image);
     let mut head = [0; 12];
@@ -187,7 +187,7 @@ fn read_png(run: FileRange<'_>, folder: &Path, rows: &mut dyn Rows) -> Result<()
     rows.begin(width, height).map_err(Stop::Scratch)?;
     let (width, height) = (width as usize, height as usize);
     let mut texels = Vec::with_capacity(3 * width);
-    // Calls `put` with the texels of the next row, which has so many.
+    // Calls `put` with the texels of the next row, `count` of them.
     let mut next = |count: usize, put: &mut dyn FnMut(&[u8]) -> io::Result<()>| {
         let short = || Stop::Wrong(DAMAGED.into());
         let row = reader.next_row().map_err(failed)?.ok_or_else(short)?;
@@ -228,7 +228,7 @@ struct Samples<'a> {
     rows: &'a mut dyn Rows,
     bytes: u64,
     components: usize,
-    /// Are they brightness and two colours?
+    /// True for brightness and two colours.
     differences: bool,
     texels: Vec<u8>,
     wrong: Option<Cow<'static, str>>,
@@ -285,8 +285,8 @@ fn rgb(y: i32, b: i32, r: i32) -> [u8; 3] {
     [y + 91_881 * r, y - 22_554 * b - 46_802 * r, y + 116_130 * b].map(|c| byte(c >> 16))
 }
 
-/// Are three components brightness and colours? An Adobe marker says it; else the components' names, which are
-/// R, G and B where they are not.
+/// True if three components are brightness and colours. An Adobe marker decides; else the components' names, which are
+/// R, G and B otherwise.
 fn has_differences(run: &mut FileRange<'_>) -> io::Result<bool> {
     run.at = 2;
     let mut four = [0; 4];
@@ -314,7 +314,7 @@ fn read_jpeg(mut run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let bytes = run.bytes;
     let mut samples =
         Samples { rows, bytes, components: 0, differences, texels: Vec::new(), wrong: None, scratch: false };
-    // What it takes was counted before.
+    // Its memory was counted before.
     let decoded = jpeg::decode(&mut BufReader::new(run), u64::MAX, &mut samples);
     decoded.map_err(|error| match (samples.wrong, error) {
         (Some(fault), _) => Stop::Wrong(fault),

@@ -7,14 +7,14 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | `store` | what triangles carry, by their numbers |
+//! | `store` | looks of triangles, by their numbers |
 //! | `image` | PNG and JPEG, row by row |
 //! | `texture` | images in halving sizes, and their colours at a place |
 //! | `near` | triangles that may be near, by boxes of voxels |
 //! | `point` | the nearest point of a triangle, and texels per voxel there |
 //!
-//! Colours are mixed in linear light and stored as sRGB. Of two triangles that are as near the one counts that faces
-//! the voxel more, then the first. The search is its own, so that meshes without colours do not pay for it.
+//! Colours are mixed in linear light and stored as sRGB. Of two triangles at the same distance the one counts that
+//! faces the voxel more, then the first. The search is its own, so that meshes without colours do not pay for it.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
@@ -43,7 +43,7 @@ use point::{nearest_point, squared_distance, texels_per_voxel};
 use store::Columns;
 use texture::{Pages, Texture};
 
-/// Which channels of a mesh are painted.
+/// Painted channels of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PaintChannels {
     pub(super) colors: bool,
@@ -71,7 +71,7 @@ impl PaintChannels {
 const UNKNOWN: u32 = u32::MAX;
 /// Memory while triangles are gathered, without textures.
 pub(super) const COLLECTING_BYTES: u64 = SORTING_BYTES + (1 << 20);
-/// Colour of what has none (sRGB): as models without colours are shown.
+/// Colour of surfaces without one (sRGB): the same as for models without colours.
 const UNCOLORED: [u8; 3] = [236, 226, 208];
 /// Highest number of a part; later ones share it.
 const LAST_PART: u64 = 255;
@@ -83,7 +83,7 @@ struct Coat {
     texture: Option<Texture>,
 }
 
-/// Triangles with what they carry.
+/// Triangles with their looks.
 #[derive(Debug)]
 pub(super) struct Paint {
     pub(super) wanted: PaintChannels,
@@ -95,7 +95,7 @@ pub(super) struct Paint {
 }
 
 impl Paint {
-    /// Memory that is held in addition to that of workers.
+    /// Memory held beyond the workers'.
     pub(super) fn bytes(&self) -> u64 {
         self.near.bytes() + (self.coats.len() * size_of::<Coat>()) as u64
     }
@@ -104,7 +104,7 @@ impl Paint {
 /// The look of a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SurfaceLook {
-    /// sRGB.
+    /// Colour in sRGB.
     pub(super) color: [u8; 3],
     pub(super) part: u8,
     /// Unit vector, on either side.
@@ -115,7 +115,7 @@ impl SurfaceLook {
     pub(super) const NOTHING: Self = Self { color: UNCOLORED, part: 0, normal: None };
 }
 
-/// Gathers what triangles carry, in their order.
+/// Collects the looks of triangles, in their order.
 pub(super) struct Collector {
     wanted: PaintChannels,
     surface: SurfaceKind,
@@ -167,7 +167,7 @@ impl Collector {
         Ok(())
     }
 
-    /// Keeps the next triangle and what it carries.
+    /// Keeps the next triangle and its look.
     pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
         let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART) as u32;
         let mut look = Look { part, ..*look };
@@ -181,7 +181,7 @@ impl Collector {
             look.material = self.first_coat.saturating_add(look.material);
         }
         let number = self.next;
-        // Beyond so many the numbers end; what follows looks like the last.
+        // Numbers end here; later triangles look like the last.
         self.next = (number + 1).min(UNKNOWN - 1);
         self.columns
             .put(&look)
@@ -202,12 +202,12 @@ fn scratch(folder: &Path, cause: std::io::Error) -> SourceError {
     SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause })
 }
 
-/// The best triangle of a place so far.
+/// The best triangle for a place so far.
 #[derive(Clone, Copy, Debug)]
 struct Best {
     /// Squared distance in lattice steps, rounded.
     squared: f64,
-    /// The negative of how far the voxel lies from its plane, squared and rounded: the larger, the more it faces it.
+    /// The negated squared distance of the voxel from its plane, rounded: the larger, the more it faces it.
     height: f64,
     record: Numbered,
 }
@@ -220,9 +220,9 @@ impl Best {
     }
 }
 
-/// How far triangles are sought, in lattice steps, squared: two voxels.
+/// Squared distance within which triangles are sought, in lattice steps: two voxels.
 const WITHIN: f64 = 4.0 * STEPS as f64 * STEPS as f64;
-/// Added to a square of lattice steps and taken away again, it rounds to 2^-28 voxel^2.
+/// Number that rounds a square of lattice steps to 2^-28 voxel^2 when it is added and taken away again.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
 /// Voxels along a side of a brick.
 const BRICK: usize = 32;
@@ -273,8 +273,8 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Finds what the voxels of a brick's slice look like at their centres; `codes` are their normals, on the side of
-    /// the outside.
+    /// Finds the looks of the voxels of a brick's slice at their centres; `codes` are their normals, on the side of the
+    /// outside.
     ///
     /// # Errors
     /// A scratch file cannot be read.
@@ -282,8 +282,8 @@ impl<'a> Painter<'a> {
         self.describe(skin, skin.voxels().map(|voxel| voxel.map(centre)), codes)
     }
 
-    /// Finds what the cells of a brick's slice look like, on their planes next to the middle; in the middle if they
-    /// have corners instead.
+    /// Finds the looks of the cells of a brick's slice, on their planes next to the middle; in the middle if they have
+    /// corners instead.
     ///
     /// # Errors
     /// A scratch file cannot be read.
@@ -404,7 +404,7 @@ fn centre(voxel: u32) -> f64 {
     f64::from(voxel) * f64::from(STEPS) + f64::from(HALF)
 }
 
-/// Where a voxel of a brick's slice is kept.
+/// Index of a voxel of a brick's slice.
 fn at_in_slice(skin: &SkinSlice<'_>, [x, y, _]: [u32; 3]) -> usize {
     let [x0, y0, _] = skin.corner();
     BRICK * (y - y0) as usize + (x - x0) as usize

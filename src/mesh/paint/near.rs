@@ -1,6 +1,6 @@
 //! Triangles that may be near to the voxels of a box, sorted by boxes in a scratch file.
 //!
-//! They wait in their order, are counted by boxes, and are then written again, box by box: within one in their order.
+//! They wait in their order, are counted by boxes, and are then written again, box by box, within each in their order.
 #![expect(clippy::cast_possible_truncation, reason = "boxes lie within the grid, their number is bounded")]
 
 use std::fs::File;
@@ -25,7 +25,7 @@ pub(super) const SORTING_BYTES: u64 = (BATCH * (RECORD + 16) + 4 * BLOCK * RECOR
 
 #[derive(Clone, Copy, Debug)]
 struct Boxes {
-    /// Edge, as a power of two of a voxel.
+    /// Edge of a box in voxels, as a power of two.
     shift: i32,
     sides: [i32; 3],
 }
@@ -51,7 +51,8 @@ impl Boxes {
         let mut ranges = [(0, 0); 3];
         for (axis, out) in ranges.iter_mut().enumerate() {
             let (low, high) = centres(t, axis);
-            // Half a voxel more, for a triangle between two centres; a cell begins half a voxel before its centre.
+            // Half a voxel more is allowed for a triangle between two centres; a cell begins half a voxel before its
+            // centre.
             let first = (low - 1 - BEYOND) >> self.shift;
             *out = (first.max(0), ((high + 2 + BEYOND) >> self.shift).min(self.sides[axis] - 1));
         }
@@ -148,7 +149,7 @@ impl Sorter {
         drop(std::mem::take(&mut self.counts));
         let out = crate::scratch::unnamed(folder)?;
         let mut next = starts.clone();
-        // Box and place in the block.
+        // Boxes of the triangles, and their places in the block.
         let mut order: Vec<(u32, u16)> = Vec::with_capacity(BATCH);
         let mut sorted: Vec<Numbered> = Vec::with_capacity(BATCH);
         let mut block = vec![[0; 10]; BLOCK];

@@ -1,4 +1,4 @@
-//! The nearest point of a triangle, and how many texels lie on a voxel there.
+//! The nearest point of a triangle, and the number of texels on a voxel there.
 
 use super::super::lattice::{STEPS, Triangle, edges};
 use crate::geom::{Nearest, dot, nearest_on_triangle};
@@ -29,7 +29,7 @@ fn second_and_third(t: &Triangle, p: [f64; 3]) -> [f64; 2] {
     }
 }
 
-/// Most texels that a step of a voxel on the triangle leads across, whichever way it goes.
+/// Most texels that a step of a voxel on the triangle crosses, in any direction.
 #[expect(clippy::cast_possible_truncation, reason = "a size in single precision")]
 pub(super) fn texels_per_voxel(t: &Triangle, texels: &[[f32; 2]; 3]) -> f32 {
     let [_, ab, ac] = edges(t).map(|e| e.map(|c| c / f64::from(STEPS)));
@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn texels_on_a_voxel_are_those_of_the_denser_direction() {
-        // Two voxels along x have 32 texels, two along y 8; turned by 45 degrees nothing changes.
+        // Two voxels along x have 32 texels, two along y 8; a turn by 45 degrees changes nothing.
         let t: Triangle = [0, 0, 0, 8192, 0, 0, 0, 8192, 0];
         assert_eq!(texels_per_voxel(&t, &[[5.0, 5.0], [37.0, 5.0], [5.0, 13.0]]), 16.0);
         let turned: Triangle = [0, 0, 0, 4096, 4096, 0, -4096, 4096, 0];

@@ -35,7 +35,7 @@ impl Columns {
         Self { kinds: std::array::from_fn(|_| Appended::new(folder, BUFFER)), count: 0 }
     }
 
-    /// Appends what the next triangle carries.
+    /// Appends the look of the next triangle.
     pub(super) fn put(&mut self, look: &Look) -> io::Result<()> {
         let Look { colors, places, normals, material, part } = look;
         let values = [
@@ -56,7 +56,7 @@ impl Columns {
         Ok(())
     }
 
-    /// Writes what still waits.
+    /// Writes the bytes that still wait.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         for column in &mut self.kinds {
             column.flush()?;

@@ -1,7 +1,7 @@
-//! Textures: an image in linear light, in sizes of which each is half of the one before, in a scratch file.
+//! Textures: an image in linear light, in halving sizes, in a scratch file.
 //!
-//! A texel of size l is the mean of up to 2^l x 2^l texels of the image. A colour is that of the two sizes whose
-//! texels are next to a voxel's, each mixed from four texels, so that it is the mean over the voxel about.
+//! A texel of size l is the mean of up to 2^l x 2^l texels of the image. A colour is mixed from the two sizes whose
+//! texels are next to a voxel's, each mixed from four texels, so that it is about the mean over the voxel.
 
 use std::fs::File;
 use std::io;
@@ -76,7 +76,7 @@ type Row = Vec<[u16; 3]>;
 struct Halver {
     file: File,
     levels: Vec<Level>,
-    /// For every size: rows that came, and the last one where it waits for the next.
+    /// For every size: number of received rows, and the last one where it waits for the next.
     seen: Vec<(u32, Option<Row>)>,
 }
 
@@ -102,7 +102,7 @@ impl Halver {
     }
 }
 
-/// The means of pairs of two rows; of the last texel alone where it has no partner.
+/// The means of pairs of two rows; a last texel without a partner counts alone.
 fn halved(above: &[[u16; 3]], below: &[[u16; 3]]) -> Row {
     let pair = |(a, b): (&[[u16; 3]], &[[u16; 3]])| {
         std::array::from_fn(|k| {
@@ -155,7 +155,7 @@ impl Levels {
     }
 }
 
-/// Images of a file that were read, by where they are.
+/// Images of a file that were read, by their places.
 pub(super) type ReadImages = Vec<(Arc<Image>, Arc<Levels>)>;
 
 impl Texture {
@@ -188,7 +188,7 @@ impl Texture {
         [s * width, t * height]
     }
 
-    /// Linear light at a place, in texels, where so many lie on a voxel.
+    /// Linear light at a place, in texels, with `rate` texels on a voxel.
     pub(super) fn color(&self, at: [f32; 2], rate: f32, pages: &mut Pages) -> io::Result<[f32; 3]> {
         #[expect(clippy::cast_precision_loss, reason = "few sizes")]
         let last = self.levels.levels.len().saturating_sub(1) as f32;
@@ -204,7 +204,7 @@ impl Texture {
         Ok(std::array::from_fn(|k| near[k] + more * (far[k] - near[k])))
     }
 
-    /// Mixed from four texels of a size.
+    /// Colour mixed from four texels of a size.
     fn of_level(&self, level: usize, at: [f32; 2], pages: &mut Pages) -> io::Result<[f32; 3]> {
         let Some(Level { width, height, .. }) = self.levels.levels.get(level).copied() else {
             return Ok([0.0; 3]);

@@ -14,7 +14,7 @@ use crate::text::shown;
 /// A file that the mesh at `mesh` names, its whole path and its length.
 ///
 /// # Errors
-/// It lies elsewhere, or links lead elsewhere and may not be followed, or it cannot be read.
+/// The file lies outside the mesh's folder, or links lead there and may not be followed, or it cannot be read.
 pub(super) fn open_linked(
     mesh: &Path,
     name: &str,

@@ -23,7 +23,7 @@ pub(in crate::mesh) struct Look {
 }
 
 impl Look {
-    /// The same for corners that begin with another one: the second, where `by` is 1, or the third.
+    /// The look for corners that begin with another one: the second, where `by` is 1, or the third.
     pub(in crate::mesh) fn rotated(mut self, by: usize) -> Self {
         if let Some(colors) = &mut self.colors {
             colors.rotate_left(by % 3);
@@ -41,10 +41,10 @@ impl Look {
         Self { colors: None, places: None, normals: None, material: NO_MATERIAL, part: 0 };
 }
 
-/// The look of a surface: a colour, times that of a texture.
+/// The look of a surface: a colour, times a texture's.
 #[derive(Clone, Debug)]
 pub(in crate::mesh) struct Material {
-    /// Linear light.
+    /// Colour in linear light.
     pub(in crate::mesh) color: [f32; 3],
     pub(in crate::mesh) texture: Option<Texture>,
 }
@@ -53,28 +53,28 @@ pub(in crate::mesh) struct Material {
 #[derive(Clone, Debug)]
 pub(in crate::mesh) struct Texture {
     pub(in crate::mesh) image: Arc<Image>,
-    /// Along its width and its height.
+    /// Continuation along its width and its height.
     pub(in crate::mesh) wraps: [Wrap; 2],
-    /// Does the second coordinate run up the image? It runs down otherwise.
+    /// True if the second coordinate runs up the image, false if down.
     pub(in crate::mesh) upwards: bool,
-    /// Two rows that lead from a place as the file has it to one in the image.
+    /// Two rows of the affine from a place in the file to one in the image.
     pub(in crate::mesh) placed: [[f32; 3]; 2],
 }
 
-/// Where a place stays as it is.
+/// The placement that changes nothing.
 pub(in crate::mesh) const UNPLACED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// Bytes of an image file, somewhere in a file.
 #[derive(Debug)]
 pub(in crate::mesh) struct Image {
-    /// Its name in messages.
+    /// Name in messages.
     pub(in crate::mesh) name: String,
     pub(in crate::mesh) file: Arc<PositionalFile>,
     pub(in crate::mesh) offset: u64,
     pub(in crate::mesh) bytes: u64,
 }
 
-/// How an image continues beyond its edges.
+/// Continuation of an image beyond its edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Wrap {
     Repeat,

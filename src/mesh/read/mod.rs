@@ -9,13 +9,13 @@
 //! | `stream` | bytes, and words and numbers of text |
 //! | `stl` | STL, binary and text |
 //! | `ply` | PLY, binary of either order and text |
-//! | `obj`, `text` | OBJ with MTL; OFF, and what text has in common |
+//! | `obj`, `text` | OBJ with MTL; OFF, and the parts common to text formats |
 //! | `polygon` | faces of more than three corners |
 //! | `gltf` | glTF, binary and text |
 //! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
 //! | `linked`, `look` | files that a mesh names; colours and textures |
-//! | `vertices`, `vertex_looks` | vertices, and what they carry, by number |
-//! | `stop` | what stops a reader |
+//! | `vertices`, `vertex_looks` | vertices, and their looks, by number |
+//! | `stop` | reasons that stop a reader |
 
 mod gltf;
 mod linked;
@@ -64,7 +64,7 @@ enum Format {
 impl Format {
     const ALL: [Self; 6] = [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Gltf, Self::ThreeMf];
 
-    /// By the first bytes and the length of a file, else by its name.
+    /// Format by the first bytes and the length of a file, else by its name.
     fn of(head: &[u8], bytes: u64, path: &Path) -> Option<Self> {
         let named = |suffix| has_suffix(path, suffix);
         if stl::binary_triangles(head, bytes).is_some() {
@@ -130,7 +130,7 @@ fn open_file(path: &Path) -> Result<(PositionalFile, u64, Vec<u8>, Format), Stop
 /// Checks the beginning of a mesh, without reading the rest.
 ///
 /// # Errors
-/// It would be refused.
+/// The mesh would be refused.
 pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> {
     let check = || -> Result<(), Stop> {
         let (file, bytes, head, format) = open_file(path)?;
@@ -153,14 +153,14 @@ pub(super) struct Limits<'a> {
     pub(super) scratch: &'a Path,
     /// Memory for the description of a file, in addition to [`READER_BYTES`].
     pub(super) most_bytes: u64,
-    /// May links lead from a file that a mesh names out of its folder?
+    /// True to follow links that lead from a file that a mesh names out of its folder.
     pub(super) follow_links: bool,
-    /// Are looks of vertices wanted, and colours and textures among them?
+    /// True if looks of vertices are wanted; and colours and textures among them.
     pub(super) looks: bool,
     pub(super) colors: bool,
     /// Millimetres of the unit that callers assume: coordinates of files that state their unit are brought to it.
     pub(super) unit_mm: f64,
-    /// Up in files that do not say it.
+    /// Up axis of files that do not state it.
     pub(super) up: UpAxis,
 }
 
@@ -179,18 +179,19 @@ impl<'a> Limits<'a> {
     }
 }
 
-/// All that an open file has besides its triangles.
+/// Facts about an open file, besides its triangles.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     pub(super) materials: Vec<Material>,
-    /// Other files that it is read from.
+    /// Other files that the mesh is read from.
     pub(super) files: Vec<PathBuf>,
-    /// What it lacks, or what of it is not read.
+    /// Lacks of the mesh, and parts of it that are not read.
     pub(super) lacks: Vec<String>,
     /// Memory of its description.
     pub(super) held_bytes: u64,
     parts: u64,
-    /// True where it has colours, and normals of vertices; as far as it shows, for a mesh that was opened without looks.
+    /// True where it has colours, and normals of vertices; as far as it shows, for a mesh that was opened without
+    /// looks.
     pub(super) looks: [bool; 2],
 }
 
@@ -218,7 +219,7 @@ impl MeshFile {
     /// Opens a mesh; vertices of text formats are written to a scratch file.
     ///
     /// # Errors
-    /// It cannot be read, or its format is unknown.
+    /// The file cannot be read, or its format is unknown.
     pub(super) fn open(path: &Path, limits: &Limits<'_>) -> Result<Self, SourceError> {
         let (kind, summary) =
             Self::open_kind(path, limits).map_err(|stop| error_of(path, limits.scratch, stop))?;

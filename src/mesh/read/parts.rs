@@ -3,24 +3,24 @@
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Most parts that have numbers of their own; later ones share the last.
+/// Most parts with numbers of their own; later ones share the last.
 const MAX_PARTS: usize = 256;
 /// Most changes from part to part that are followed.
 const MAX_CHANGES: usize = 1 << 14;
 
-/// Which triangles belong to which part. Parts are numbered in the order of their first triangles.
+/// Part of each triangle. Parts are numbered in the order of their first triangles.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     /// First triangle, and part, of every run.
     runs: Vec<(u64, u32)>,
     /// Numbers of parts by hashes of their names.
     numbers: BTreeMap<u64, u32>,
-    /// Names of what follows: object, and group.
+    /// Hashes of the names of the current object and group.
     names: [u64; 2],
 }
 
 impl Parts {
-    /// Memory that it may hold.
+    /// Most memory that it may hold.
     pub(super) const BYTES: u64 = (MAX_CHANGES * 16 + MAX_PARTS * 32) as u64;
 
     /// Begins an object, without a group yet.
@@ -33,7 +33,7 @@ impl Parts {
         self.names[1] = hash(name);
     }
 
-    /// A face begins with this triangle.
+    /// Begins a face with this triangle.
     pub(super) fn face(&mut self, triangle: u64) {
         let mut all = DefaultHasher::new();
         self.names.hash(&mut all);
@@ -54,7 +54,7 @@ impl Parts {
         self.numbers.len().max(1) as u64
     }
 
-    /// The parts of triangles from the first on.
+    /// The parts of triangles, one after the other.
     pub(super) fn each(&self) -> impl FnMut() -> u32 {
         let mut runs = self.runs.iter().copied().peekable();
         let (mut triangle, mut part) = (0, 0);

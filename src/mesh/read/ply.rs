@@ -1,6 +1,6 @@
 //! PLY: a header of text, then elements in binary of either order or in text.
 //!
-//! Colours are those of vertices; where these have none, those of faces.
+//! Colours are taken from vertices; where these have none, from faces.
 
 use super::Limits;
 use super::polygon;
@@ -22,7 +22,7 @@ const MAX_HEADER: u64 = 64 << 10;
 pub(super) enum Ply {
     /// Faces are read from the file itself.
     Binary(Binary),
-    /// Text, and binary files whose elements come in an order or with lists that are seldom.
+    /// Text, and binary files of an unusual order of elements or with unusual lists.
     Written(Faces),
 }
 
@@ -30,14 +30,14 @@ pub(super) enum Ply {
 pub(super) struct Binary {
     vertices: Vertices,
     looks: VertexLooks,
-    /// Where faces begin, how many there are, and what each holds.
+    /// Offset of the faces, their number, and the properties of each.
     offset: u64,
     faces: u64,
     kind: Kind,
     properties: Vec<Property>,
-    /// Which property names vertices.
+    /// Index of the property that names vertices.
     corners: usize,
-    /// By what colours of faces become 0 to 1, where vertices have none.
+    /// Factor that brings colours of faces to 0 to 1, where vertices have none.
     face_colors: Option<f64>,
     file: PositionalFile,
 }
@@ -120,12 +120,12 @@ const COLOR: [Name; 3] = [Name::Red, Name::Green, Name::Blue];
 const NORMAL: [Name; 3] = [Name::NormalX, Name::NormalY, Name::NormalZ];
 
 impl Element {
-    /// Bytes of one, if all are equally long.
+    /// Bytes of an element, if all are equally long.
     fn record(&self) -> Option<u64> {
         self.properties.iter().map(|p| p.length.is_none().then(|| p.value.bytes())).sum()
     }
 
-    /// Fewest bytes of one.
+    /// Fewest bytes of an element.
     fn least(&self) -> u64 {
         self.properties.iter().map(|p| p.length.unwrap_or(p.value).bytes()).sum()
     }
@@ -145,12 +145,12 @@ fn number(word: &[u8]) -> Option<Number> {
     })
 }
 
-/// A header, and where it ends.
+/// A header, and the offset of its end.
 struct Header {
     form: Form,
     elements: Vec<Element>,
     end: u64,
-    /// Line behind it, and do lines end in CR alone?
+    /// Number of the line behind it; true if lines end in CR alone.
     line: u64,
     cr_alone: bool,
     /// Name of a texture.
@@ -158,7 +158,7 @@ struct Header {
 }
 
 impl Header {
-    /// Most elements of a kind that so many bytes may hold.
+    /// Most elements of a kind that `bytes` bytes may hold.
     fn held(&self, element: &Element, bytes: u64) -> u64 {
         let of_text = 2 * element.properties.len() as u64;
         bytes / if self.form == Form::Text { of_text } else { element.least() }.max(1) + 1
@@ -287,7 +287,7 @@ impl Header {
     }
 }
 
-/// Does it begin as a PLY file?
+/// True if it begins as a PLY file.
 pub(super) fn is_ply(head: &[u8]) -> bool {
     head.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
 }
@@ -301,7 +301,7 @@ pub(super) fn check(file: PositionalFile, bytes: u64) -> Result<(), Stop> {
 }
 
 impl Ply {
-    /// A file, and what of it is left out.
+    /// A file, and notes on parts that are left out.
     pub(super) fn open(
         file: PositionalFile,
         bytes: u64,
@@ -330,7 +330,7 @@ impl Ply {
         })
     }
 
-    /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.
+    /// Calls `each` with the results of `make` for the vertices of every triangle, and its number, counted from 1.
     pub(super) fn for_each_of<P: Copy>(
         &self,
         make: &dyn Fn([f64; 3]) -> P,
@@ -342,7 +342,7 @@ impl Ply {
         }
     }
 
-    /// Have vertices or faces colours, and vertices normals?
+    /// True if vertices or faces have colours; true if vertices have normals.
     pub(super) fn has_looks(&self) -> [bool; 2] {
         let (looks, of_faces) = match self {
             Self::Binary(binary) => (&binary.looks, binary.face_colors.is_some()),
@@ -351,7 +351,7 @@ impl Ply {
         [of_faces || looks.colors.is_some(), looks.normals.is_some()]
     }
 
-    /// Calls `each` with every triangle and what it carries.
+    /// Calls `each` with every triangle and its look.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         match self {
             Self::Binary(binary) => binary.for_each_look(each),
@@ -360,7 +360,7 @@ impl Ply {
     }
 }
 
-/// Where three values of these names stand in a record of single values.
+/// Offsets of three values of these names in a record of single values.
 fn fields(properties: &[Property], names: [Name; 3]) -> Option<[(usize, Number); 3]> {
     let mut fields = [None; 3];
     let mut at = 0;
@@ -377,12 +377,12 @@ fn fields(properties: &[Property], names: [Name; 3]) -> Option<[(usize, Number);
     }
 }
 
-/// Where x, y and z stand.
+/// Offsets of x, y and z.
 fn coordinates(properties: &[Property]) -> Result<[(usize, Number); 3], Stop> {
     Ok(fields(properties, PLACE).ok_or_else(no_coordinates)?)
 }
 
-/// By what stored colours become 0 to 1.
+/// Factor that brings stored colours to 0 to 1.
 fn color_scale([(_, number), ..]: [(usize, Number); 3]) -> f64 {
     match number {
         Number::I8 | Number::U8 => 1.0 / 255.0,
@@ -472,8 +472,8 @@ impl Binary {
         Ok(())
     }
 
-    /// Reads a face: `vertex` makes something of the number of every vertex, `each` takes the triangles; by their
-    /// places polygons are cut.
+    /// Reads a face: `vertex` makes a value of the number of every vertex, `each` takes the triangles; polygons are cut
+    /// by the places of their vertices.
     fn face<V: Copy>(
         &self,
         stream: &mut Stream<'_>,
@@ -527,7 +527,7 @@ impl Binary {
         Ok(())
     }
 
-    /// The triangles, with what their vertices carry.
+    /// Calls `each` with the triangles and their looks.
     fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::new(&self.vertices, PAGES);
@@ -622,7 +622,7 @@ fn written(spools: [Option<(Spool, f64)>; 3]) -> Result<VertexLooks, Stop> {
 /// The values of elements, one after the other.
 enum Values<'a> {
     Text(Words<'a>),
-    /// The highest byte first, if so.
+    /// Binary values; true for the highest byte first.
     Binary(Stream<'a>, bool),
 }
 
@@ -656,7 +656,7 @@ impl Values<'_> {
         })
     }
 
-    /// Lines of text have one element each; a number more would be taken for the next one's.
+    /// Ends an element: lines of text have one each, and a further number would be taken for the next one's.
     fn end(&mut self) -> Result<(), Stop> {
         match self {
             Self::Text(words) => words.end_of_line("its element"),

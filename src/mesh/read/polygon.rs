@@ -1,8 +1,8 @@
 //! Polygons of more than three corners, cut into triangles: those that are not convex by ear clipping.
 //!
 //! A fan from the first corner is right wherever all its triangles face one way, and stays as it is. Otherwise the
-//! polygon is cut as it lies in its mean plane. Whatever the corners, collinear ones included, each side is that of one
-//! triangle and every other edge that of two, so that a closed mesh stays closed.
+//! polygon is cut as it lies in its mean plane. Whatever the corners, collinear ones included, each side belongs to one
+//! triangle and every other edge to two, so that a closed mesh stays closed.
 
 use std::collections::BTreeSet;
 
@@ -12,15 +12,15 @@ use crate::geom::{cross, dot};
 
 /// Most corners of a polygon that is cut; larger ones are fans. (Some 200 bytes a corner.)
 pub(crate) const MAX_CORNERS: usize = 512;
-/// What of an area is rounding.
+/// Largest part of an area that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
 fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// The triangles of a polygon by the places of their corners, as many as those of a fan; `None` where a fan from the
-/// first corner is right, or nothing is, as for polygons that cross themselves.
+/// The triangles of a polygon by the places of their corners, as many as in a fan; `None` where a fan from the first
+/// corner is right, or no cut is, as for polygons that cross themselves.
 pub(crate) fn cut(corners: &[[f64; 3]]) -> Option<Vec<[u32; 3]>> {
     let count = corners.len();
     let first = *corners.first().filter(|_| (4..=MAX_CORNERS).contains(&count))?;
@@ -40,7 +40,7 @@ pub(crate) fn cut(corners: &[[f64; 3]]) -> Option<Vec<[u32; 3]>> {
     Earcut::new().earcut(flat.iter().copied(), &[] as &[u32], &mut numbers);
     let mut triangles = numbers.as_chunks::<3>().0.to_vec();
     closed(&mut triangles, u32::try_from(count).ok()?)?;
-    // Together they cover what the polygon does, or it crosses itself.
+    // The triangles cover the same area as the polygon, unless it crosses itself.
     let area = |[a, b, c]: [u32; 3]| {
         let [a, b, c] = [a, b, c].map(|at| flat[at as usize]);
         (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -136,7 +136,7 @@ mod tests {
                         0 => [*x, *y, 3.0],
                         1 => [*y, -1.0, *x],
                         2 => [*x + y / 2.0, y - x / 3.0, 0.7 * x + y],
-                        // Not in a plane.
+                        // Corners outside a plane.
                         _ => [*x, *y, 0.01 * x * y],
                     })
                     .collect();

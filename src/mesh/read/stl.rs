@@ -1,4 +1,4 @@
-//! STL: binary if its length is that of the triangles that it states, or if it does not begin like text, else text.
+//! STL: binary if its length fits the number of triangles that it states, or if it does not begin like text, else text.
 
 use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words, mark};
@@ -44,7 +44,7 @@ pub(super) fn lack(triangles: u64, behind: u64) -> Option<String> {
     (behind >= RECORD).then(|| format!("has {behind} bytes behind the {triangles} triangles that it states, which were left out; copy it again if triangles are missing"))
 }
 
-/// Does it begin like text?
+/// True if it begins like text.
 pub(super) fn is_text(head: &[u8]) -> bool {
     let head = plain_head(head);
     let start = head.trim_ascii_start();
@@ -73,7 +73,7 @@ pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Resul
     let mut words = Words::begin(file)?;
     let mut triangle = [[0.0; 3]; 3];
     let (mut vertices, mut read) = (0, 0);
-    // Is a solid still to end?
+    // True while a solid has not ended.
     let mut solid = false;
     loop {
         match words.next()? {
@@ -94,7 +94,7 @@ pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Resul
             }
             solid |= words.is("facet");
         } else if words.is("normal") {
-            // Triangles have normals of their own.
+            // Normals of the file are not used: triangles have their own.
             for _ in 0..3 {
                 words.must_anywhere()?;
                 words.as_number()?;
@@ -125,7 +125,7 @@ pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Resul
     }
 }
 
-/// Leaves out a name, which may be of any words; has a facet begun in its line?
+/// Skips a name of any words; returns true if a facet began in its line.
 fn name_ends_with_a_facet(words: &mut Words<'_>) -> Result<bool, Stop> {
     words.comments = false;
     let mut begins = false;

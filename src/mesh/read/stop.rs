@@ -1,4 +1,4 @@
-//! The callers of a reader, and what stops it.
+//! The callbacks of a reader, and its reasons to stop.
 
 use super::look::Look;
 use crate::fault::{Fault, FaultKind, bad};
@@ -8,7 +8,7 @@ use crate::volume::SourceError;
 /// Takes the vertices of one triangle after the other.
 pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), Stop> + 'a;
 
-/// Takes what was made of the vertices of each triangle, and its number, counted from 1.
+/// Receives the values made of the vertices of each triangle, and its number, counted from 1.
 pub(super) type EachOf<'a, P> = dyn FnMut(&[P; 3], u64) -> Result<(), Stop> + 'a;
 
 /// Takes the vertices of each triangle, and its look.
@@ -48,7 +48,7 @@ pub(super) fn quoted(text: &[u8]) -> String {
     format!("`{}`", shown(&text))
 }
 
-/// Why text where a number belongs is refused.
+/// Refusal of text where a number belongs.
 pub(super) fn not_a_number(text: &[u8]) -> String {
     format!("{} is not a number (of digits and a decimal point)", quoted(text))
 }
@@ -114,7 +114,8 @@ pub(super) fn unknown_format() -> Fault {
     bad!("is not a mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")
 }
 
-/// Why a reader stops: the file is wrong or unreadable, the scratch file failed, or the caller refuses a triangle.
+/// Reason why a reader stops: the file is wrong or unreadable, the scratch file failed, or the caller refuses a
+/// triangle.
 #[derive(Debug)]
 pub(in crate::mesh) enum Stop {
     Mesh(Fault),

@@ -10,12 +10,12 @@ use crate::text::mark_bytes;
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
-/// Bytes that tell what a file is.
+/// Bytes by which a file's format is recognised.
 pub(super) const HEAD: usize = 512;
-/// Longest word that means something; of longer ones the beginning is kept.
+/// Longest word with a meaning; longer ones are cut.
 const WORD: usize = 64;
 
-/// Reads, again after a signal.
+/// Reads, once more after a signal.
 pub(super) fn uninterrupted(mut read: impl FnMut() -> io::Result<usize>) -> io::Result<usize> {
     loop {
         match read() {
@@ -61,7 +61,7 @@ impl<'a> Stream<'a> {
         Self { file, next: from, buffer: Vec::with_capacity(BUFFER), at: 0 }
     }
 
-    /// Has more bytes in the buffer; `false` at the end.
+    /// Reads more bytes into the buffer; `false` at the end.
     #[cold]
     fn fill(&mut self) -> io::Result<bool> {
         self.buffer.drain(..self.at);
@@ -96,7 +96,7 @@ impl<'a> Stream<'a> {
         Ok(byte)
     }
 
-    /// Leaves bytes out.
+    /// Skips bytes.
     pub(super) fn skip(&mut self, bytes: u64) {
         let here = (self.buffer.len() - self.at) as u64;
         if bytes <= here {
@@ -123,7 +123,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// True for what older programs write for the result of a division by zero.
+/// True for the text that older programs write for the result of a division by zero.
 #[cold]
 fn is_undefined(text: &str) -> bool {
     let text = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
@@ -148,14 +148,14 @@ pub(super) struct Words<'a> {
     /// True where only the beginning of the last word is kept.
     longer: bool,
     ended: bool,
-    /// Do lines end in CR alone, so that an LF behind one does not belong to it?
+    /// True if lines end in CR alone, so that an LF after one does not belong to it.
     pub(super) cr_alone: bool,
-    /// Does `#` begin a comment?
+    /// True if `#` begins a comment.
     pub(super) comments: bool,
 }
 
 impl<'a> Words<'a> {
-    /// From a place in a file on, at this line.
+    /// Words from an offset of a file on, which is in this line.
     pub(super) fn new(file: &'a PositionalFile, from: u64, line: u64) -> Self {
         let stream = Stream::new(file, from);
         let word = [0; WORD];
@@ -245,7 +245,7 @@ impl<'a> Words<'a> {
         self.line
     }
 
-    /// Is it the last word, whatever the case of its letters?
+    /// True if the last word is `word`, in any case.
     pub(super) fn is(&self, word: &str) -> bool {
         self.word().eq_ignore_ascii_case(word.as_bytes())
     }
@@ -294,12 +294,12 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// The rest of this line, at most so many bytes, without blanks around it.
+    /// The rest of this line, at most `most` bytes, without blanks around it.
     pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
         let mut rest = Vec::new();
         while let Some(byte) = self.stream.byte()? {
             if matches!(byte, b'\n' | b'\r') {
-                // It is met again as the end of the line.
+                // The line end is read again as such.
                 self.stream.at -= 1;
                 break;
             }

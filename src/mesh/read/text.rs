@@ -21,7 +21,7 @@ pub(super) struct Faces {
     looks: VertexLooks,
 }
 
-/// Triangles that fan out from the first vertex of a face, or of which each shares an edge with the next.
+/// Triangles that fan out from the first vertex of a face, or a strip in which each shares an edge with the next.
 pub(super) struct Fan<V = u32> {
     first: Option<V>,
     last: Option<V>,
@@ -64,7 +64,7 @@ impl Polygons {
         Self(Spool::new(scratch))
     }
 
-    /// Notes the fan of triangles from `first` to before `end`.
+    /// Records the fan of triangles from `first` to before `end`.
     #[inline]
     pub(super) fn fan(&mut self, first: u64, end: u64) -> Result<(), Stop> {
         match u32::try_from(end - first + 2) {
@@ -77,7 +77,7 @@ impl Polygons {
     }
 }
 
-/// What the triangles of a fan carry, in records of so many numbers: triples, a number for each corner, come first.
+/// Data of the triangles of a fan, in records of `numbers` numbers: triples, a number for each corner, come first.
 struct Records<'a> {
     file: &'a PositionalFile,
     numbers: usize,
@@ -89,7 +89,7 @@ impl Records<'_> {
         4 * triangle * self.numbers as u64
     }
 
-    /// The records of the corners of a fan: for each a number of every triple, then what is behind these.
+    /// The records of the corners of a fan: for each a number of every triple, then the numbers behind these.
     fn corners(&self, first: u64, triangles: usize) -> Result<Vec<Vec<u32>>, Stop> {
         let mut bytes = vec![0; 4 * self.numbers * triangles];
         self.file.read_exact_at(&mut bytes, self.at(first)).map_err(Stop::Scratch)?;
@@ -117,7 +117,7 @@ impl Records<'_> {
     }
 }
 
-/// What the first word of an OFF file says of the numbers of its vertices.
+/// Statements of the first word of an OFF file about the numbers of its vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct OffKind {
     /// True for vertices with colours.
@@ -128,7 +128,7 @@ struct OffKind {
     unread: bool,
 }
 
-/// The kind of an OFF file by its first word, and what follows in that word: ModelNet writes `OFF8 6 0`.
+/// The kind of an OFF file by its first word, and the rest of that word: ModelNet writes `OFF8 6 0`.
 fn off_word(word: &[u8]) -> Option<(OffKind, &[u8])> {
     let mut kind = OffKind::default();
     let mut rest = word;
@@ -154,7 +154,7 @@ pub(super) fn more_than(faces: u64) -> String {
     )
 }
 
-/// Does it begin as an OFF file? Empty lines and comments may come first.
+/// True if it begins as an OFF file. Empty lines and comments may come first.
 pub(super) fn is_off(head: &[u8]) -> bool {
     let mut rest = head.trim_ascii_start();
     while rest.starts_with(b"#") {
@@ -171,8 +171,8 @@ pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
 }
 
 impl Faces {
-    /// Cuts polygons that are not convex anew: of each the number of its first triangle and its corners; what else its
-    /// triangles carry, in records of as many numbers, triples of corners first, goes along.
+    /// Cuts polygons that are not convex anew, given by the number of the first triangle and the corners of each; other
+    /// data of its triangles, in records of as many numbers, triples of corners first, is moved along.
     pub(super) fn cut(
         &self,
         polygons: Polygons,
@@ -204,7 +204,8 @@ impl Faces {
         Ok(())
     }
 
-    /// Reads an OFF file, and what is left out of it: colours behind vertices and faces, and what follows its faces.
+    /// Reads an OFF file, with notes on parts left out: colours behind vertices and faces, and anything after its
+    /// faces.
     pub(super) fn off(
         file: &PositionalFile,
         bytes: u64,
@@ -290,7 +291,7 @@ impl Faces {
         Ok((faces, lacks))
     }
 
-    /// Vertices and triangles that were written, and what vertices carry.
+    /// Vertices and triangles that were written, with the looks of vertices.
     pub(super) fn of(vertices: Spool, triangles: Spool, looks: VertexLooks) -> Result<Self, Stop> {
         let (triangles, count) = triangles.finish()?;
         Ok(Self { vertices: vertices.into_vertices()?, triangles, count, looks })
@@ -300,7 +301,7 @@ impl Faces {
         &self.looks
     }
 
-    /// Calls `each` with every triangle and what its vertices carry.
+    /// Calls `each` with every triangle and the looks of its vertices.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut looks = self.looks.open();
         // Triangles come in the order in which they were written.
@@ -319,7 +320,7 @@ impl Faces {
         })
     }
 
-    /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.
+    /// Calls `each` with the results of `make` for the vertices of every triangle, and its number, counted from 1.
     pub(super) fn for_each_of<P: Copy>(
         &self,
         make: &dyn Fn([f64; 3]) -> P,

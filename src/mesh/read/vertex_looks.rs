@@ -6,14 +6,14 @@ use super::vertices::{FEW_PAGES, Pages, Vertices};
 
 #[derive(Debug, Default)]
 pub(super) struct VertexLooks {
-    /// sRGB, and by what it becomes 0 to 1.
+    /// sRGB, and the factor that brings it to 0 to 1.
     pub(super) colors: Option<(Vertices, f64)>,
     pub(super) normals: Option<Vertices>,
     /// Colours of triangles, by their numbers, where vertices have none.
     pub(super) of_triangles: Option<(Vertices, f64)>,
 }
 
-/// The same, while triangles are read.
+/// Reader of looks, while triangles are read.
 pub(super) struct LookReader<'a> {
     colors: Option<(Pages<'a>, f64)>,
     normals: Option<Pages<'a>>,
@@ -65,7 +65,7 @@ impl LookReader<'_> {
         Ok(look)
     }
 
-    /// As [`LookReader::look`], of a triangle with a number of its own from 0.
+    /// Like [`LookReader::look`], for a triangle with a number of its own from 0.
     pub(super) fn look_of(&mut self, triangle: u64, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
         let mut look = self.look(corners, face)?;
         if let Some((pages, scale)) = &mut self.of_triangles {

@@ -11,7 +11,7 @@ use crate::scratch::{Appended, PageCache};
 /// fall upon each other.
 const PAGE: u64 = 128;
 pub(super) const PAGES: u64 = 61;
-/// Pages of colours, normals and places.
+/// Number of pages of colours, normals and places.
 pub(super) const FEW_PAGES: u64 = 17;
 pub(super) const MAX_RECORD: u64 = 256;
 
@@ -59,7 +59,7 @@ impl Number {
     }
 }
 
-/// Where vertices are stored: records of one length, with x, y and z somewhere in each.
+/// Location of stored vertices: records of one length, with x, y and z somewhere in each.
 #[derive(Debug)]
 pub(super) struct Vertices {
     pub(super) file: PositionalFile,
@@ -114,7 +114,7 @@ impl Spool {
     }
 }
 
-/// A cache of pages of vertices, or of what is made of each as it is read.
+/// A cache of pages of vertices, or of values made of each as it is read.
 pub(super) struct Pages<'a, P = [f64; 3]> {
     vertices: &'a Vertices,
     make: &'a dyn Fn([f64; 3]) -> P,
@@ -124,7 +124,7 @@ pub(super) struct Pages<'a, P = [f64; 3]> {
 }
 
 impl<'a> Pages<'a> {
-    /// With so many pages: a prime number.
+    /// A cache with this number of pages, a prime number.
     pub(super) fn new(vertices: &'a Vertices, pages: u64) -> Self {
         Self::of(vertices, pages, &|p| p)
     }
@@ -132,7 +132,7 @@ impl<'a> Pages<'a> {
 
 #[expect(clippy::cast_possible_truncation, reason = "places in memory")]
 impl<'a, P: Copy> Pages<'a, P> {
-    /// With so many pages, of values made of vertices.
+    /// A cache with this number of pages, of values made of vertices.
     pub(super) fn of(vertices: &'a Vertices, pages: u64, make: &'a dyn Fn([f64; 3]) -> P) -> Self {
         let cache = PageCache::new(pages as usize, PAGE as usize, make([0.0; 3]));
         Self { vertices, make, places: pages, cache, bytes: Vec::new() }
@@ -150,7 +150,7 @@ impl<'a, P: Copy> Pages<'a, P> {
             return Err(bad_index(face + 1, vertices.count).into());
         }
         let page = at / PAGE;
-        // By a number that is known division is a product.
+        // A division by a constant is a product.
         let place = if *places == PAGES { page % PAGES } else { page % *places };
         let points = cache.get(place as usize, page, |points| vertices.load(page, bytes, points, *make))?;
         Ok(points[(at % PAGE) as usize])
@@ -169,7 +169,7 @@ impl Vertices {
     ) -> Result<(), Stop> {
         let count = (self.count - page * PAGE).min(PAGE);
         let record = usize::try_from(self.record).unwrap_or(usize::MAX).max(1);
-        // Nothing needs to stand behind the last number of the last vertex.
+        // The last vertex may end with its last number.
         let last = self.fields.iter().map(|(at, number)| *at as u64 + number.bytes()).max().unwrap_or(0);
         let length = count.saturating_sub(1) * self.record + last.min(self.record);
         bytes.resize(usize::try_from(length).unwrap_or(0), 0);

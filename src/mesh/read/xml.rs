@@ -1,8 +1,8 @@
 //! Elements of an XML text with their attributes, one after the other, in constant memory.
 //!
 //! Text between elements, comments and instructions are left out; declarations of types, through which a text could
-//! make itself longer, are refused. So is what is not well-formed: elements that are not closed, or by another name,
-//! attributes that are stated twice, prefixes without a namespace.
+//! make itself longer, are refused. So is text that is not well-formed: elements that are not closed, or by another
+//! name, attributes that are stated twice, prefixes without a namespace.
 
 use std::io::Read;
 
@@ -15,11 +15,11 @@ use crate::text::shown;
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
-/// Longest tag with its attributes, most attributes, and how deep elements may nest.
+/// Longest tag with its attributes, most attributes, and deepest nesting of elements.
 const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_DEPTH: usize = 64;
-/// Most namespaces that are declared at a time, and bytes of open names and of these.
+/// Most namespaces that are declared at a time, and most bytes of open names and namespaces.
 const MAX_SPACES: usize = 64;
 const MAX_HELD: usize = 32 << 10;
 
@@ -27,7 +27,7 @@ const MAX_HELD: usize = 32 << 10;
 pub(super) enum Event {
     /// An element begins; `empty` ones end at once, without an event of their own.
     Start {
-        /// Does it end at once?
+        /// True if it ends at once.
         empty: bool,
     },
     End,
@@ -39,19 +39,19 @@ pub(super) struct Xml<R> {
     buffer: Vec<u8>,
     at: usize,
     line: u64,
-    /// Names of the open elements one after the other, and where each begins.
+    /// Names of the open elements one after the other, and the start of each.
     open: Vec<u8>,
     depths: Vec<usize>,
-    /// What prefixes stand for (Namespaces in XML 1.0), the empty one included, the innermost last.
+    /// Namespaces of prefixes (Namespaces in XML 1.0), the empty one included, the innermost last.
     spaces: Vec<Declared>,
     space_bytes: usize,
     begun: bool,
-    /// Has the only element at the top begun?
+    /// True if the only element at the top has begun.
     rooted: bool,
     /// The tag: its name, then its attributes.
     tag: Vec<u8>,
     name: usize,
-    /// Beginning of each name, and of its value, and the end of that.
+    /// Beginning of each name, beginning and end of its value.
     attributes: Vec<[u32; 4]>,
 }
 
@@ -62,7 +62,7 @@ struct Declared {
     space: Vec<u8>,
 }
 
-/// A name's prefix and what stands behind its colon.
+/// A name's prefix and the part after its colon.
 #[inline]
 fn split(name: &[u8]) -> (&[u8], &[u8]) {
     name.iter().position(|b| *b == b':').map_or((&[], name), |at| (&name[..at], &name[at + 1..]))
@@ -132,7 +132,7 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// Reads on; name and attributes are those of the element that begins then.
+    /// Reads on to the next event; name and attributes are those of the element that begins then.
     pub(super) fn next(&mut self) -> Result<Event, Stop> {
         loop {
             loop {
@@ -201,7 +201,7 @@ impl<R: Read> Xml<R> {
         Ok(())
     }
 
-    /// Forgets what elements declared that have ended.
+    /// Forgets the declarations of elements that have ended.
     #[inline]
     fn leave(&mut self) {
         while let Some(last) = self.spaces.pop_if(|last| last.depth >= self.depths.len()) {
@@ -240,7 +240,7 @@ impl<R: Read> Xml<R> {
         Ok(())
     }
 
-    /// The namespace that a prefix stands for; that of elements without one for the empty one.
+    /// The namespace of a prefix; the empty prefix gives the namespace of elements without one.
     pub(super) fn space_of(&self, prefix: &[u8]) -> Option<&[u8]> {
         self.spaces.iter().rev().find(|known| known.prefix == prefix).map(|known| known.space.as_slice())
     }
@@ -260,7 +260,7 @@ impl<R: Read> Xml<R> {
         Ok(())
     }
 
-    /// Reads a tag from its second byte on; is the element empty?
+    /// Reads a tag from its second byte on; returns true for an empty element.
     fn start(&mut self, first: u8) -> Result<bool, Stop> {
         self.tag.clear();
         self.attributes.clear();
@@ -336,7 +336,7 @@ impl<R: Read> Xml<R> {
         Ok(())
     }
 
-    /// Name of the element, without what stands before its colon.
+    /// Name of the element, without its prefix.
     #[inline]
     pub(super) fn name(&self) -> &[u8] {
         split(&self.tag[..self.name]).1
@@ -346,14 +346,14 @@ impl<R: Read> Xml<R> {
         self.tag.get(from as usize..to as usize).unwrap_or_default()
     }
 
-    /// Value of an attribute of the element's own, which has no prefix, as it stands.
+    /// Value of an attribute without a prefix, as written.
     #[inline]
     pub(super) fn raw(&self, name: &[u8]) -> Option<&[u8]> {
         let found = self.attributes.iter().find(|a| self.part(a[0], a[1]) == name)?;
         Some(self.part(found[2], found[3]))
     }
 
-    /// The same of an attribute of a namespace.
+    /// Value of an attribute of a namespace, as written.
     pub(super) fn raw_of(&self, space: &[u8], name: &[u8]) -> Option<&[u8]> {
         let is_it = |whole| match split(whole) {
             (b"", _) => false,
@@ -363,7 +363,7 @@ impl<R: Read> Xml<R> {
         Some(self.part(found[2], found[3]))
     }
 
-    /// Value of an attribute as text, with what `&amp;` and the like stand for.
+    /// Value of an attribute as text, with `&amp;` and the like replaced.
     pub(super) fn text(&self, raw: Option<&[u8]>) -> Result<Option<String>, Stop> {
         let Some(raw) = raw else { return Ok(None) };
         let text = std::str::from_utf8(raw).map_err(|_| self.wrong())?;

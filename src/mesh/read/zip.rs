@@ -1,7 +1,8 @@
 //! Members of a ZIP archive, found by name and read as streams (PKWARE APPNOTE 4.3).
 //!
-//! Numbers may have 64 bits, in small archives, too (4.3.14, 4.5.3). The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
-//! of the list at the end; of the header before a member only its own length counts.
+//! Numbers may have 64 bits, in small archives, too (4.3.14, 4.5.3). The list of members is gone through for every
+//! name, so that nothing is held. Names, lengths and offsets come from the list at the end; of the header before a
+//! member only its own length counts.
 
 use std::io::{self, Read};
 
@@ -16,7 +17,7 @@ use crate::platform::PositionalFile;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
 const END: u64 = 22;
-/// Bytes of the record with 64-bit numbers that matter, and of that before the end that says where it is.
+/// Bytes that are read of the record with 64-bit numbers, and of the locator of that record before the end.
 const END64: usize = 56;
 const LOCATOR: usize = 20;
 /// Marks the part of an entry that holds 64-bit numbers, and a number that stands there.
@@ -28,8 +29,8 @@ const ENTRY: usize = 46;
 const HEADER: usize = 30;
 /// Longest name that is compared.
 const NAME: u16 = 1024;
-/// A member that inflates to more than this, and more than so many times its own bytes, is a bomb. Lists of vertices
-/// are packed 5 to 15 times.
+/// Size, and multiple of its packed bytes, above both of which a member is a bomb. Lists of vertices are packed 5 to 15
+/// times.
 const MAX_UNASKED: u64 = 4 << 20;
 const MAX_TIMES: u64 = 100;
 /// Bytes read at a time.
@@ -39,7 +40,7 @@ const INPUT: usize = 32 << 10;
 pub(super) struct Archive {
     list: u64,
     entries: u64,
-    /// Where the archive begins: something may stand before it.
+    /// Offset of the archive: other data may precede it.
     bytes: u64,
 }
 
@@ -121,7 +122,7 @@ impl Archive {
                     .into());
                 }
             };
-            // In this order, where they stand elsewhere.
+            // The numbers come in this order, where they are stored elsewhere.
             let mut numbers = [four(24), four(20), four(42)].map(u64::from);
             if numbers.contains(&ELSEWHERE) {
                 large(&mut stream, two(30), &mut numbers)?;
@@ -177,10 +178,10 @@ fn large(stream: &mut Stream<'_>, extra_bytes: u16, numbers: &mut [u64; 3]) -> R
 }
 
 impl Member {
-    /// The bytes that it inflates to.
+    /// The number of bytes that it inflates to.
     ///
     /// # Errors
-    /// Far more than its own bytes are stated.
+    /// The archive states far more than the member's own bytes.
     pub(super) fn checked_bytes(&self) -> Result<u64, Stop> {
         let most = MAX_UNASKED.max(self.stored.saturating_mul(MAX_TIMES));
         if self.bytes > most {
@@ -229,7 +230,7 @@ pub(super) struct Content<'a> {
     used: usize,
 }
 
-/// The content does not fit what is stated of it.
+/// The error of content that does not fit its statements.
 fn damaged() -> io::Error {
     io::ErrorKind::InvalidData.into()
 }

@@ -1,4 +1,4 @@
-//! Where rows of voxel centres along all three axes cross a triangle: in which half of which voxel.
+//! Crossings of a triangle with rows of voxel centres along all three axes: the voxel, and the half of it.
 //!
 //! ```text
 //!        voxel i - 1        |        voxel i         |
@@ -11,7 +11,7 @@
 
 use super::super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 
-/// How far from a whole number a crossing in f64 must be for its half to be certain: errors are below 2^-31.
+/// Least distance of a crossing in f64 from a whole number at which its half is certain: errors are below 2^-31.
 const SURE: f64 = 1e-6;
 
 /// A crossing in the slice that was asked for.
@@ -21,9 +21,9 @@ pub(super) struct Crossing {
     /// Voxel in which it lies.
     pub(super) x: i32,
     pub(super) y: i32,
-    /// Does it lie beyond the voxel's centre?
+    /// True beyond the voxel's centre.
     pub(super) upper: bool,
-    /// Does the triangle look along the axis?
+    /// True if the triangle looks along the axis.
     pub(super) along: bool,
 }
 
@@ -49,7 +49,7 @@ struct Projection {
 }
 
 impl Projection {
-    /// `None` for a triangle that the axis lies in.
+    /// Returns `None` for a triangle that contains the direction of the axis.
     fn new(t: &Triangle, normal: [i64; 3], axis: usize) -> Option<Self> {
         let (p, q) = [(1, 2), (0, 2), (0, 1)][axis];
         // The other two axes are in reverse order for the second.
@@ -64,7 +64,7 @@ impl Projection {
     fn line(&self, q: i32, (first, last): (i32, i32), each: &mut impl FnMut(i32, i64)) {
         let centre = |at: i32| i64::from(at) * i64::from(STEPS) + i64::from(HALF);
         let (cp, cq) = (centre(first), centre(q));
-        // Twice the area left of an edge, positive inside; what is added where zero counts as outside; and its step.
+        // Twice the area left of an edge, positive inside; the amount added where zero counts as outside; and the step.
         let edge = |a: usize, b: usize| {
             let (a, b) = (&self.corners[a], &self.corners[b]);
             let (dp, dq) = (self.sign * (b[self.p] - a[self.p]), self.sign * (b[self.q] - a[self.q]));
@@ -84,7 +84,7 @@ impl Projection {
         for column in first..=first + count {
             if ((e0 + t0) | (e1 + t1) | (e2 + t2)) >= 0 {
                 let at = (e0 as f64 * x0 as f64 + e1 as f64 * x1 as f64 + e2 as f64 * x2 as f64) * scale;
-                // Without a call, as `floor` is one.
+                // The sum is rounded without a call, as `floor` is one.
                 #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^18 halves")]
                 let towards_zero = at as i64;
                 let whole = towards_zero - i64::from(towards_zero as f64 > at);
@@ -98,7 +98,7 @@ impl Projection {
         }
     }
 
-    /// The half of a crossing; of one at a centre that on whose side the moved centre leaves it.
+    /// The half of a crossing; for a crossing at a centre, the half on the other side of the moved centre.
     fn exact_half(&self, weights: [i64; 3]) -> i64 {
         let sum: i128 =
             weights.iter().zip(&self.corners).map(|(w, p)| i128::from(*w) * i128::from(p[self.axis])).sum();
@@ -107,15 +107,16 @@ impl Projection {
         if sum.rem_euclid(unit) != 0 || half & 1 == 0 {
             return half;
         }
-        // On which side of the plane the moved centre lies.
+        // Side of the plane on which the moved centre lies.
         let [nx, ny, nz] = self.normal;
         let side = [-nx, ny, nz].into_iter().find(|c| *c != 0).map_or(0, i64::signum);
         if side * self.normal[self.axis].signum() < 0 { half } else { half - 1 }
     }
 }
 
-/// Of steps 0 to `last` along a row the first of those on which all three edges may be positive, and how many follow it;
-/// `None` where no step is left. Each edge is given by its value at step 0, what is added to it, and what a step adds.
+/// The first of steps 0 to `last` along a row on which all three edges may be positive, and the number of such steps
+/// after it; `None` where no step is left. Each edge is given by its value at step 0, the amount added to it, and the
+/// change per step.
 fn between(edges: &[(i64, i64, i64); 3], last: i32) -> Option<(i32, i32)> {
     let (mut from, mut to) = (0, last);
     for (at, outside, step) in edges {
@@ -189,10 +190,10 @@ pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl F
     }
 }
 
-/// Where a triangle's plane lies within a slice, about: what keeps the cost of a triangle to its surface.
+/// Approximate location of a triangle's plane within a slice, which limits the cost of a triangle to its surface.
 struct Slab {
-    /// A row next to a corner, columns in which the plane meets the slice's two faces there, and how far they move from
-    /// row to row; `None` where rows are parallel to the plane. From far away the columns would be lost in rounding.
+    /// A row next to a corner, columns in which the plane meets the slice's two faces there, and their change from row
+    /// to row; `None` where rows are parallel to the plane. From far away the columns would be lost in rounding.
     columns: Option<(f64, [f64; 2], f64)>,
 }
 
@@ -225,8 +226,8 @@ impl Slab {
 mod tests {
     use super::*;
 
-    /// The definition, with wide integers and a real, if small, shift: coordinates times 2^40, the shift being far
-    /// below what lattice distances can tell apart.
+    /// The definition, with wide integers and a real, if small, shift: coordinates times 2^40, the shift far below any
+    /// difference of lattice distances.
     fn by_definition(t: &Triangle, z: i32, window: &Window) -> Vec<(usize, i32, i32, bool, bool)> {
         let scale = 1_i128 << 40;
         let moved = [-(1_i128 << 30), 1 << 15, 1];
@@ -262,7 +263,7 @@ mod tests {
                     let (area, sum) = (area * area.signum(), sum * area.signum());
                     let voxel = sum.div_euclid(area * 4096);
                     let voxel = i32::try_from(voxel).unwrap();
-                    // Is the moved centre of that voxel before the plane?
+                    // The upper half is crossed if the moved centre of that voxel lies before the plane.
                     let mut at = [0; 3];
                     (at[axis], at[p], at[q]) = (voxel, i, j);
                     let d: [i128; 3] = std::array::from_fn(|a| centre(at[a], a) - corner(0, a));
@@ -309,7 +310,8 @@ mod tests {
 
     #[test]
     fn rows_far_from_the_first_of_a_long_steep_triangle_keep_their_columns() {
-        // It is 131,072 voxels wide and high, nearly faces y, and lies 16,000 rows away: a column more moves it by 2^29.
+        // The triangle is 131,072 voxels wide and high, nearly faces y, and lies 16,000 rows away: a column more moves
+        // it by 2^29.
         let [x, y, z] = [-65_536 * STEPS, 16_000 * STEPS + HALF, STEPS - 1];
         let t: Triangle = [x, y, z, -x, y, STEPS, x, y + 1, -2 * x - STEPS];
         let (from, to) = Slab::new(&t, direction(&t), 0).columns(16_000);

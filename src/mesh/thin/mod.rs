@@ -1,4 +1,4 @@
-//! Meshes that no centre may lie in: surfaces as they are, and walls thinner than a voxel.
+//! Solids of meshes that may hold no centre of a voxel: bare surfaces, and walls thinner than a voxel.
 //!
 //! ```text
 //!   triangles --rows of centres along x, y, z--> halves of voxels that are crossed
@@ -35,22 +35,22 @@ const BIN: i32 = 32;
 /// Slices beyond a run whose triangles a bin holds.
 const BEYOND: i32 = 2;
 
-/// How voxels that a mesh crosses count.
+/// Treatment of voxels that a mesh crosses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Thin {
-    /// They alone are inside.
+    /// Only crossed voxels are inside.
     Surface,
-    /// Those of walls thinner than a voxel are inside, too.
+    /// Voxels of walls thinner than a voxel are inside, too.
     Walls,
 }
 
-/// A mesh of which more is inside than the voxels whose centres are.
+/// A mesh with more voxels inside than those whose centres are.
 pub(super) struct ThinSolid {
     pub(super) mesh: MeshSolid,
     pub(super) thin: Thin,
 }
 
-/// Memory of a worker without that of its mesh and of its resident triangles.
+/// Memory of a worker without its mesh and its resident triangles.
 pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     let words = row_words(tile);
     SLICES as u64 * Planes::bytes(words)
@@ -112,7 +112,7 @@ pub(super) struct ThinWorker<'a> {
     codes: Vec<u8>,
 }
 
-/// Where a slice is kept; -1 is the first.
+/// Index of a slice; -1 is the first.
 fn slot(slice: i32) -> usize {
     usize::try_from(slice + 1).unwrap_or(0) % SLICES
 }
@@ -143,7 +143,7 @@ impl ThinWorker<'_> {
         let mut end = bin_end.min(slice + run).max(slice + 1);
         let [left, _] = self.corner();
         loop {
-            // All that there are, as one brick.
+            // All bricks are loaded as one.
             let Self { resident, buffers, solid, column, .. } = self;
             let (bins, at) = (&solid.mesh.bins, (column.y.start, bin));
             let fits = resident.load(bins, at, slice..end, left + 64, 0..1, buffers)?;
@@ -210,11 +210,11 @@ impl ThinWorker<'_> {
         Ok(())
     }
 
-    /// Turns the normals of the slice that was described last to the side that they belong to.
+    /// Turns the normals of the slice that was described last to the right side.
     ///
-    /// The mesh gives those that lead from a voxel's centre through the nearest triangle. Of a wall whose centre is
-    /// outside that is inwards. Surfaces look where their triangles do; where two in a voxel look different ways,
-    /// the normal stays.
+    /// Normals of the mesh lead from a voxel's centre through the nearest triangle, which is inwards for a wall whose
+    /// centre is outside. Normals of surfaces follow their triangles; where two in a voxel look different ways, the
+    /// normal stays.
     fn turn(&mut self, skin: &SkinSlice<'_>) {
         let [left, top] = self.corner();
         let [_, _, z] = skin.corner().map(u32::cast_signed);
@@ -256,7 +256,7 @@ impl SolidWorker for ThinWorker<'_> {
         self.mesh.start(column)
     }
 
-    /// The bounds of a bin's triangles are those of the voxels that they cross.
+    /// The bounds of a bin's triangles are also those of the crossed voxels.
     fn cover(&mut self, region: &VoxelBox) -> Cover {
         self.mesh.cover(region)
     }

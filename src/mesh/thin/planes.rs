@@ -8,16 +8,16 @@ pub(super) const ROWS: usize = 36;
 /// Rows before a tile's first.
 pub(super) const BEFORE: i32 = 2;
 
-/// Which bits of a crossed voxel are kept.
+/// Kind of bits kept of a crossed voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
     /// The directions of the triangles that cross it, along every axis.
     Directions,
-    /// In which half it is crossed, along every axis.
+    /// The half in which it is crossed, along every axis.
     Halves,
 }
 
-/// Six bits for every voxel of a slice: two an axis, as [`Mark`]; and the bits of the solid.
+/// Six bits for every voxel of a slice: two an axis, of the kind [`Mark`]; and the bits of the solid.
 #[derive(Debug)]
 pub(super) struct Planes {
     /// The slice; no slice of a grid at first.
@@ -30,7 +30,7 @@ pub(super) struct Planes {
 impl Planes {
     pub(super) const NO_SLICE: i32 = i32::MIN;
 
-    /// Memory of one whose rows are so many words long.
+    /// Memory of planes with rows of `words` words.
     pub(super) fn bytes(words: usize) -> u64 {
         (7 * ROWS * words * 8) as u64
     }
@@ -46,7 +46,7 @@ impl Planes {
         self.noted.iter_mut().for_each(|plane| plane.fill(0));
     }
 
-    /// Notes where a triangle crosses the slice; `left` and `top` are the voxel of the first bit.
+    /// Marks the crossings of a triangle with the slice; `left` and `top` are the voxel of the first bit.
     pub(super) fn note(&mut self, t: &Triangle, [left, top]: [i32; 2], what: Mark) {
         let last = |from: i32, count: usize| from + i32::try_from(count).unwrap_or(i32::MAX / 2) - 1;
         let window = Window { x: (left, last(left, 64 * self.words)), y: (top, last(top, ROWS)) };
@@ -67,7 +67,7 @@ impl Planes {
         (0..6).fold(0, |all, which| all | self.word(which, row, word))
     }
 
-    /// Does a triangle look along an axis, and does one look the other way?
+    /// True if a triangle looks along an axis, and true if one looks the other way.
     pub(super) fn directions(&self, axis: usize, row: usize, bit: usize) -> (bool, bool) {
         let at = |which: usize| self.word(which, row, bit / 64) >> (bit % 64) & 1 == 1;
         (at(2 * axis + 1), at(2 * axis))
@@ -77,7 +77,7 @@ impl Planes {
         self.solid.get(row * self.words + word).copied().unwrap_or(0)
     }
 
-    /// The bits of a row moved by one: bit i is that of the voxel before (`up`) or after.
+    /// The bits of a row moved by one: bit i is the bit of the voxel before (`up`) or after.
     fn beside(&self, row: usize, word: usize, up: bool, of: &impl Fn(usize, usize) -> u64) -> u64 {
         let own = of(row, word);
         if up {
@@ -89,9 +89,9 @@ impl Planes {
         }
     }
 
-    /// Voxels of the solid, and those of walls between two centres that are both outside: of the voxels of those
-    /// centres the one in which the wall begins, seen from lower coordinates. `below` and `above` are the slices
-    /// next to this one, `row` neither the first nor the last.
+    /// Voxels of the solid, and of walls between two centres that are both outside: of the two voxels the one in which
+    /// the wall begins, seen from lower coordinates. `below` and `above` are the slices next to this one, `row` neither
+    /// the first nor the last.
     pub(super) fn united(&self, below: &Self, above: &Self, row: usize, word: usize) -> u64 {
         let inside = self.inside(row, word);
         let lower = |axis: usize| self.word(2 * axis, row, word);

@@ -1,4 +1,4 @@
-//! The machine, and other processes of it.
+//! The machine, and its other processes.
 
 use std::fs;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub(crate) fn system_release() -> String {
     read("/proc/sys/kernel/osrelease")
 }
 
-/// Has the process with this number ended? A system that does not say so gives no.
+/// True if the process with this number has ended; false where the system does not tell.
 pub(crate) fn has_ended(process: &str) -> bool {
     Path::new("/proc/self").exists() && !Path::new("/proc").join(process).exists()
 }

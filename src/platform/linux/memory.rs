@@ -13,16 +13,16 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
-/// The same at less cost, some 2 us: pages of `/proc/self/statm`, of 4 KiB; 0 where the system does not tell. Of other
-/// pages this is too little, and a cap that is kept by it too large.
+/// As [`current_rss_bytes`] at less cost, some 2 us: pages of `/proc/self/statm`, taken as 4 KiB; 0 where the system
+/// does not tell. For larger pages it is too low, and a cap that is kept by it is exceeded.
 pub(crate) fn resident_bytes() -> u64 {
     let statm = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     let pages = statm.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0);
     pages.saturating_mul(4096)
 }
 
-/// Resident memory of this process that is no file's, in bytes; all of it where the system does not tell them
-/// apart (old kernels, some sandboxes), and 0 where it does not tell that either.
+/// Resident memory of this process without pages of files, in bytes; all of it where the system does not tell them
+/// apart (old kernels, some sandboxes), and 0 where it tells neither.
 pub(crate) fn own_rss_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     own_rss_of(&status)
@@ -53,7 +53,7 @@ pub(crate) fn mapped_rss_bytes(mapped: &[u8]) -> Option<u64> {
     while at < end {
         let count = usize::try_from(end - at).map_or(entries.len(), |left| left.min(entries.len()));
         pages.read_exact_at(bytemuck::cast_slice_mut(&mut entries[..count]), at * 8).ok()?;
-        // The highest bit tells that the page is there.
+        // The highest bit is set for a resident page.
         resident += entries[..count].iter().map(|entry| entry >> 63).sum::<u64>();
         at += count as u64;
     }

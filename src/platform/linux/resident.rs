@@ -1,7 +1,7 @@
-//! Resident memory that a process can do without, given back to the system.
+//! Unneeded resident memory, given back to the system.
 //!
-//! Two things stay resident without need: buffers that the C library's allocator keeps after they are
-//! freed, and pages of the program's own code that have run once. In a process of a few MiB both weigh.
+//! Two kinds of memory stay resident without need: buffers that the C library's allocator keeps after they are freed,
+//! and pages of the program's own code that have run once. In a process of a few MiB both weigh.
 #![expect(unsafe_code, reason = "a setting of the C library, and advice on mappings of files")]
 
 use std::fs;
@@ -11,19 +11,18 @@ use std::fs;
 /// keep what is freed; stages whose memory the next one needs read through such small ones.
 pub(crate) const MAPPED_FROM: usize = 128 << 10;
 
-/// By how much [`own_rss_bytes`](super::own_rss_bytes) differs between two runs of the same job: largest less smallest
-/// `RssAnon` at the same place. Added where the smallest cap is stated, so that it does work.
+/// Difference of [`own_rss_bytes`](super::own_rss_bytes) between two runs of the same job: largest less smallest
+/// `RssAnon` at the same place. Added to the stated smallest cap, so that it suffices.
 pub(crate) const HELD_SPREAD: u64 = 192 << 10;
 
 /// Bytes of a thread that the budget's own figures do not count: none.
 pub(crate) const THREAD_BYTES: u64 = 0;
 
-/// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
+/// Fixes the size from which buffers are mapped, for programs that keep a cap of their resident memory.
 ///
-/// Left alone, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers
-/// of that size come from heaps that keep what is freed, and a process that does one job after another
-/// holds more than any of them needs. Called once, before other threads exist. Other C libraries are left as they
-/// are.
+/// By default, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers of that
+/// size come from heaps that keep what is freed, and a process that does one job after another holds more than any of
+/// them needs. Called once, before other threads exist. Other C libraries are left as they are.
 pub fn map_large_buffers() {
     #[cfg(target_env = "gnu")]
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "a small constant")]
@@ -36,8 +35,7 @@ pub fn map_large_buffers() {
     }
 }
 
-/// Gives back what the stage of a job that has just ended leaves resident: freed memory that the allocator
-/// keeps, and code.
+/// Gives back the remains of the stage of a job that has just ended: freed memory that the allocator keeps, and code.
 ///
 /// Cost: the kernel walks the pages of all mappings once (some 100 us), and some hundred page faults later.
 pub fn give_back() {
@@ -50,13 +48,13 @@ pub fn give_back() {
     give_code_back();
 }
 
-/// Gives back the pages of code and constants that are resident now; those that are still needed come back
-/// from the system's cache when they are touched.
+/// Gives back the pages of code and constants that are resident now; pages that are still needed come back from the
+/// system's cache when they are touched.
 ///
-/// The kernel maps sixteen pages around every one that runs, so that starting a program, reading its
-/// arguments and opening its input leave three to four MiB of code behind that a long job never calls again.
-/// How much differs from run to run, by where the program lies in memory. Only the program's and its libraries'
-/// mappings that may not be written and hold no changed page are let go, so that nothing but time can be lost.
+/// The kernel maps sixteen pages around every one that runs, so that starting a program, reading its arguments and
+/// opening its input leave three to four MiB of code behind that a long job never calls again. The amount differs from
+/// run to run, by the program's place in memory. Only mappings of the program and its libraries that may not be written
+/// and hold no changed page are given back, so that only time can be lost.
 fn give_code_back() {
     let mut unchanged = unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default());
     // SAFETY: the callback takes the list that is passed with it, which outlives the call; nothing else
@@ -66,14 +64,14 @@ fn give_code_back() {
     }
 }
 
-/// Least piece of a mapping whose pages come together, and most pieces.
+/// Least piece of a mapping whose pages are mapped together, and most pieces.
 const PIECE_BYTES: usize = 256 << 10;
 const MAX_PIECES: usize = 1024;
 
-/// Parts a mapping, so that sixteen pages come at a time.
+/// Splits a mapping, so that sixteen pages are mapped at a time.
 ///
-/// Linux 6.18 maps up to 2 MiB around a page that is touched, where its cache holds as much in one piece, but not beyond the
-/// mapping's end. So every other piece is advised of what it does anyway.
+/// Linux 6.18 maps up to 2 MiB around a page that is touched, where its cache holds as much in one piece, but not
+/// beyond the mapping's end. So every other piece is advised of the default behaviour.
 pub(crate) fn part_mapping(map: &memmap2::Mmap) {
     let piece = PIECE_BYTES.max(map.len().div_ceil(MAX_PIECES).next_multiple_of(PIECE_BYTES));
     for at in (0..map.len()).step_by(2 * piece) {
@@ -81,7 +79,7 @@ pub(crate) fn part_mapping(map: &memmap2::Mmap) {
     }
 }
 
-/// Lets go those of a list of mappings that are segments of one loaded object: the program, or a library.
+/// Gives back the mappings of a list that are segments of one loaded object: the program, or a library.
 ///
 /// # Safety
 /// To be called by `dl_iterate_phdr` with a `Vec<Mapping>`.
@@ -122,9 +120,9 @@ struct Mapping {
 }
 
 impl Mapping {
-    /// Does it lie in the pages of these bytes, of which the first and the last may be in part?
+    /// True if it lies in the pages of these bytes, of which the first and the last may be partial.
     fn lies_in(self, start: usize, len: usize) -> bool {
-        // Of the largest pages that any system has.
+        // Size of the largest pages of any system.
         const PAGE: usize = 64 << 10;
         let end = start.saturating_add(len);
         let (own_end, last) = (self.start.saturating_add(self.len), end.saturating_add(PAGE));
@@ -132,7 +130,7 @@ impl Mapping {
     }
 }
 
-/// The private mappings of files in `/proc/PID/smaps` that cannot be written and equal their files.
+/// The private mappings of files in `/proc/PID/smaps` that are not writable and equal their files.
 fn unchanged_files(smaps: &str) -> Vec<Mapping> {
     let mut found = Vec::new();
     let mut candidate = None;
@@ -218,7 +216,7 @@ Anonymous:             0 kB
     #[test]
     fn code_goes_and_comes_back() {
         use crate::budget::file_rss_bytes;
-        // Other tests run meanwhile and touch code of their own: one time of several has to show it.
+        // Other tests run at the same time and touch their own code: one attempt of several has to succeed.
         let fell = (0..20).any(|_| {
             let before = file_rss_bytes();
             give_code_back();

@@ -1,4 +1,4 @@
-//! The machine, and other processes of it.
+//! The machine, and its other processes.
 #![expect(unsafe_code, reason = "calls of the system")]
 
 use std::ffi::CStr;
@@ -34,7 +34,7 @@ fn text(key: &CStr) -> Option<String> {
 /// Reads a value of the system; returns its length in bytes.
 fn read(key: &CStr, bytes: &mut [u8]) -> Option<usize> {
     let mut length = bytes.len();
-    // SAFETY: the name ends with a zero, the buffer is as long as is said, and nothing is set.
+    // SAFETY: the name ends with a zero, the buffer has the length given, and nothing is set.
     let failed = unsafe {
         libc::sysctlbyname(key.as_ptr(), bytes.as_mut_ptr().cast(), &raw mut length, std::ptr::null_mut(), 0)
     };

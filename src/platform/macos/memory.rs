@@ -4,7 +4,7 @@
 /// Buffers from this size on are taken to be the allocator's own mappings, which are returned at once.
 pub(crate) const MAPPED_FROM: usize = 128 << 10;
 
-/// By how much [`own_rss_bytes`] differs between two runs of the same job: not measured; the largest of other systems.
+/// Difference of [`own_rss_bytes`] between two runs of the same job: not measured; the largest of other systems.
 pub(crate) const HELD_SPREAD: u64 = 768 << 10;
 
 /// Bytes of a thread that the budget's own figures do not count: not measured; the largest of other systems.
@@ -50,13 +50,13 @@ pub(crate) fn file_rss_bytes() -> u64 {
     usage().map_or(0, |usage| usage.ri_resident_size.saturating_sub(usage.ri_phys_footprint))
 }
 
-/// `None`: the system is not asked.
+/// `None`: not implemented on this system.
 pub(crate) fn mapped_rss_bytes(_: &[u8]) -> Option<u64> {
     None
 }
 
-/// Nothing to set.
+/// No-op.
 pub fn map_large_buffers() {}
 
-/// Nothing to do: the system takes pages back by itself.
+/// No-op: the system takes pages back by itself.
 pub fn give_back() {}

@@ -1,4 +1,4 @@
-//! Files, as every Unix has them.
+//! Files, common to every Unix.
 
 use std::fs::{File, Metadata, OpenOptions, Permissions};
 use std::io;
@@ -11,7 +11,7 @@ use thiserror::Error;
 
 /// Names as bytes.
 pub(crate) use std::os::unix::ffi::OsStrExt;
-/// Reading and writing at places of a file.
+/// Reading and writing by position.
 pub(crate) use std::os::unix::fs::FileExt;
 #[cfg(test)]
 pub(crate) use std::os::unix::fs::symlink;
@@ -40,12 +40,12 @@ pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
     folder.join(name)
 }
 
-/// The path itself: none is too long in one form and not in another.
+/// The path itself: its form does not limit its length.
 pub(crate) fn of_any_length(path: PathBuf) -> PathBuf {
     path
 }
 
-/// Nothing by its name: devices have places of their own.
+/// False: devices are not told by their names.
 pub(crate) fn is_device(_: &Path) -> bool {
     false
 }
@@ -60,12 +60,12 @@ pub(crate) fn is_open_elsewhere(_: &io::Error) -> bool {
     false
 }
 
-/// A path as reports have it.
+/// A path for reports.
 pub(crate) fn as_reported(path: String) -> String {
     path
 }
 
-/// When a file's bytes were changed: seconds and nanoseconds.
+/// Time of the last change of a file's bytes: seconds and nanoseconds.
 pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
     (meta.mtime(), meta.mtime_nsec())
 }
@@ -75,11 +75,11 @@ pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
 #[error("it is not a regular file")]
 pub(crate) struct NotRegular;
 
-/// Opens a regular file for reading. Opening a pipe could wait for ever, and opening a device could do anything, so that
+/// Opens a regular file for reading. Opening a pipe could wait for ever, and opening a device could have any effect, so
 /// both are refused before.
 ///
 /// # Errors
-/// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
+/// The file is not regular ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
 pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     let regular = |meta: Metadata| {
         if meta.is_file() { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, NotRegular)) }
@@ -90,18 +90,19 @@ pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Permissions of a new file for the owner, the group and others, before the process's mask; `None` where there are none.
+/// Permissions of a new file for the owner, the group and others, before the process's mask; `None` on systems without
+/// them.
 pub(crate) fn new_file_permissions() -> Option<Permissions> {
     Some(Permissions::from_mode(0o666))
 }
 
-/// Was it refused by [`open_file`]?
+/// True for a refusal by [`open_file`].
 pub(crate) fn is_not_regular(cause: &io::Error) -> bool {
     cause.get_ref().is_some_and(|inner| inner.is::<NotRegular>())
 }
 
-/// Opens a file for reading and writing, and makes it where it is missing. A link, which would lead elsewhere, is
-/// refused; a pipe is not waited for.
+/// Opens a file for reading and writing, and makes it if it is missing. A link is refused, as it would lead elsewhere;
+/// a pipe is not waited for.
 ///
 /// # Errors
 /// The system refused.
@@ -111,7 +112,7 @@ pub(crate) fn open_itself(path: &Path) -> io::Result<File> {
     options.custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed()).open(path)
 }
 
-/// Room that the file system of a file has left, in bytes.
+/// Free bytes of the file system of a file.
 pub(crate) fn free_bytes(file: &File) -> Option<u64> {
     let system = rustix::fs::fstatvfs(file).ok()?;
     Some(system.f_bavail.saturating_mul(system.f_frsize))
@@ -122,7 +123,7 @@ pub(crate) fn open_files_limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Was a file refused because too many are open?
+/// True if a file was refused because too many are open.
 pub(crate) fn is_too_many_open(cause: &io::Error) -> bool {
     use rustix::io::Errno;
     let code = cause.raw_os_error();

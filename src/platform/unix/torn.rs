@@ -1,7 +1,7 @@
-//! Mappings whose file is cut short while they are read: pages of zeros in place of a bus error, which would end a process
-//! that is not ours to end.
+//! Mappings whose file is truncated while they are read: pages of zeros in place of a bus error, which would end a
+//! process of the caller's.
 //!
-//! A reader that asks afterwards whether the file is still what it was learns that it is not.
+//! A reader that checks afterwards whether the file has changed finds the truncation.
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
@@ -10,22 +10,22 @@ use std::{mem, ptr};
 
 use rustix::param::page_size;
 
-/// Mappings that are watched at a time; others raise bus errors as ever.
+/// Mappings that are watched at a time; others raise bus errors as before.
 const MAX_WATCHED: usize = 4096;
 
-/// First byte and end of each; 0 where there is none, a first byte of 1 where one comes or goes.
+/// First byte and end of each; 0 for an unused entry, a first byte of 1 for one that is being changed.
 static RANGES: [[AtomicUsize; 2]; MAX_WATCHED] =
     [const { [AtomicUsize::new(0), AtomicUsize::new(0)] }; MAX_WATCHED];
 
-/// What was done about bus errors before.
+/// Previous handler of bus errors.
 static BEFORE: AtomicPtr<libc::sigaction> = AtomicPtr::new(ptr::null_mut());
 
-/// A mapping that is watched, until dropped: to be dropped before the mapping is.
+/// A watched mapping; to be dropped before the mapping itself.
 #[derive(Debug)]
 pub(crate) struct Watched(usize);
 
 impl Watched {
-    /// Watches a mapping of a file; `None` where there are too many, or the system refuses.
+    /// Watches a mapping of a file; `None` if there are too many, or the system refuses.
     pub(crate) fn new(mapping: &[u8]) -> Option<Self> {
         install()?;
         let range = mapping.as_ptr_range();
@@ -52,10 +52,10 @@ fn is_watched(address: usize) -> bool {
     })
 }
 
-/// Makes [`on_bus_error`] the first to be asked, as it may no longer be.
+/// Installs [`on_bus_error`] as the first handler, as another one may have replaced it.
 fn install() -> Option<()> {
     // SAFETY: an action of zeros is a valid value of that type in C; both pointers are to values that live through the
-    // calls. The handler calls nothing that may not be called in one.
+    // calls. The handler only makes calls that are allowed in one.
     unsafe {
         let mut now: libc::sigaction = mem::zeroed();
         if libc::sigaction(libc::SIGBUS, ptr::null(), &mut now) != 0 {
@@ -74,7 +74,7 @@ fn install() -> Option<()> {
     }
 }
 
-/// Puts a page of zeros where a watched mapping has lost its file; otherwise what was done before is done.
+/// Maps a page of zeros where a watched mapping has lost its file; else calls the previous handler.
 extern "C" fn on_bus_error(signal: i32, info: *mut libc::siginfo_t, _: *mut c_void) {
     // SAFETY: the system calls this with a valid `info`. `mmap`, `sigaction`, `raise` and `errno` may be used in a handler.
     // The page that is replaced belongs to a watched mapping, which is read-only and never taken for more than bytes of
@@ -97,7 +97,7 @@ extern "C" fn on_bus_error(signal: i32, info: *mut libc::siginfo_t, _: *mut c_vo
         }
         let before = BEFORE.load(Ordering::Acquire);
         libc::sigaction(signal, before, ptr::null_mut());
-        // A fault comes again by itself when this returns.
+        // A fault is raised again by itself when this returns.
         if !is_fault {
             libc::raise(signal);
         }

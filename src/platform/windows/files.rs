@@ -22,11 +22,11 @@ use windows_sys::Win32::Storage::FileSystem::{
     GetDiskFreeSpaceExW, GetFileInformationByHandle, GetFileType, GetFinalPathNameByHandleW,
 };
 
-/// Names as bytes, as Rust encodes them: UTF-8, and lone surrogates in the same way.
+/// Names as bytes, in Rust's encoding: UTF-8, with lone surrogates encoded alike.
 pub(crate) trait OsStrExt {
-    /// Its bytes.
+    /// Bytes of the name.
     fn as_bytes(&self) -> &[u8];
-    /// The name of bytes that [`Self::as_bytes`] gave.
+    /// The name of bytes from [`Self::as_bytes`].
     fn from_bytes(bytes: &[u8]) -> &Self;
 }
 
@@ -41,8 +41,8 @@ impl OsStrExt for OsStr {
     }
 }
 
-/// Reading and writing at places of a file. The system moves the file's cursor, too, which nobody may rely on who reads at
-/// places.
+/// Reading and writing by position. The system moves the file's cursor, too, so readers by position must not rely on
+/// it.
 pub(crate) trait FileExt {
     /// As `pread`.
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize>;
@@ -118,10 +118,10 @@ pub(crate) fn file_id(path: &Path) -> io::Result<(u64, u64)> {
     open_file_id(&OpenOptions::new().access_mode(0).custom_flags(FILE_FLAG_BACKUP_SEMANTICS).open(path)?)
 }
 
-/// The beginning of a path that the system takes as it is, in which `/` separates nothing.
+/// Prefix of a path that the system takes literally, in which `/` is not a separator.
 const VERBATIM: &str = r"\\?\";
 
-/// A path below a folder, with `/` between them: volumes have the names and the order that they have on Linux.
+/// A path below a folder, with `/` between them: volumes have the same names and order as on Linux.
 pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
     let bytes = folder.as_os_str().as_bytes();
     if bytes.is_empty() || bytes.starts_with(VERBATIM.as_bytes()) || name.has_root() {
@@ -135,9 +135,9 @@ pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
     path.into()
 }
 
-/// A path in the form that may have any length, where it comes near the 260 characters that others may have.
+/// A path in the form without a limit of its length, if it comes near the 260 characters of other forms.
 pub(crate) fn of_any_length(path: PathBuf) -> PathBuf {
-    /// Leaves room for the name of a temporary file in the same folder.
+    /// Length that leaves room for the name of a temporary file in the same folder.
     const NEAR: usize = 200;
     let is_long = std::path::absolute(&path).is_ok_and(|whole| whole.as_os_str().len() > NEAR);
     let folder =
@@ -151,8 +151,8 @@ pub(crate) fn is_device(path: &Path) -> bool {
     path.file_name().is_some_and(|name| super::super::is_device_name(&name.to_string_lossy()))
 }
 
-/// The reason why a file is not replaced: in a folder that took a new file, access is refused to one that is open, or that
-/// may only be read, and a name that cannot be found is too long.
+/// The reason why a file is not replaced: in a folder that took a new file, access is denied to a file that is open or
+/// read-only, and a name that cannot be found is too long.
 pub(crate) fn not_replaced(cause: io::Error) -> io::Error {
     match cause.kind() {
         io::ErrorKind::PermissionDenied => {
@@ -169,12 +169,12 @@ pub(crate) fn is_open_elsewhere(cause: &io::Error) -> bool {
     causes.iter().any(|known| cause.raw_os_error() == Some(known.cast_signed()))
 }
 
-/// A path as reports have it: with `/`, as on Linux.
+/// A path for reports: with `/`, as on Linux.
 pub(crate) fn as_reported(path: String) -> String {
     if path.starts_with(VERBATIM) { path } else { path.replace('\\', "/") }
 }
 
-/// When a file's bytes were changed: seconds and nanoseconds.
+/// Time of the last change of a file's bytes: seconds and nanoseconds.
 pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
     /// Ticks of 100 ns in a second, and seconds from 1601 to 1970.
     const TICKS: i64 = 10_000_000;
@@ -191,7 +191,7 @@ pub(crate) struct NotRegular;
 /// Opens a regular file for reading; a folder, a pipe and a device (`NUL`, `COM1`) are refused.
 ///
 /// # Errors
-/// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
+/// The file is not regular ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
 pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, NotRegular);
     if is_device(path) || std::fs::metadata(path)?.is_dir() {
@@ -205,17 +205,17 @@ pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Permissions of a new file: those of its folder, by the system.
+/// `None`: a new file has the permissions of its folder.
 pub(crate) fn new_file_permissions() -> Option<Permissions> {
     None
 }
 
-/// Was it refused by [`open_file`]?
+/// True for a refusal by [`open_file`].
 pub(crate) fn is_not_regular(cause: &io::Error) -> bool {
     cause.get_ref().is_some_and(|inner| inner.is::<NotRegular>())
 }
 
-/// Opens a file for reading and writing, and makes it where it is missing; a link is opened itself.
+/// Opens a file for reading and writing, and makes it if it is missing; a link itself is opened, not its target.
 ///
 /// # Errors
 /// The system refused.
@@ -225,10 +225,10 @@ pub(crate) fn open_itself(path: &Path) -> io::Result<File> {
     options.custom_flags(FILE_FLAG_OPEN_REPARSE_POINT).open(path)
 }
 
-/// Room that the file system of a file has left, in bytes.
+/// Free bytes of the file system of a file.
 pub(crate) fn free_bytes(file: &File) -> Option<u64> {
     let mut name = [0_u16; 1 << 10];
-    // SAFETY: the handle is open, and the buffer as long as is said.
+    // SAFETY: the handle is open, and the buffer has the length given.
     let length = unsafe { GetFinalPathNameByHandleW(handle(file), name.as_mut_ptr(), 1 << 10, 0) };
     let name = name.get(..usize::try_from(length).ok()?).filter(|name| !name.is_empty())?;
     let folder = std::os::windows::ffi::OsStringExt::from_wide(name);
@@ -247,7 +247,7 @@ pub(crate) fn open_files_limit() -> Option<u64> {
     None
 }
 
-/// Was a file refused because too many are open?
+/// True if a file was refused because too many are open.
 pub(crate) fn is_too_many_open(cause: &io::Error) -> bool {
     cause.raw_os_error() == Some(ERROR_TOO_MANY_OPEN_FILES.cast_signed())
 }

@@ -1,4 +1,4 @@
-//! The machine, and other processes of it.
+//! The machine, and its other processes.
 #![expect(unsafe_code, reason = "calls of the system")]
 
 use windows_sys::Win32::Foundation::{CloseHandle, ERROR_INVALID_PARAMETER, GetLastError, WAIT_OBJECT_0};
@@ -11,7 +11,7 @@ pub(crate) fn processor() -> Option<String> {
 
 /// Memory of the machine in MiB.
 pub(crate) fn memory_mib() -> Option<u64> {
-    // SAFETY: a structure of integers may be zeros; it says its own length, and lives through the call.
+    // SAFETY: a structure of integers may be zeros; it holds its own length, and lives through the call.
     let (done, status) = unsafe {
         let mut status: MEMORYSTATUSEX = std::mem::zeroed();
         status.dwLength = u32::try_from(size_of::<MEMORYSTATUSEX>()).unwrap_or(0);
@@ -24,7 +24,7 @@ pub(crate) fn system_release() -> String {
     "Windows".into()
 }
 
-/// Has the process with this number ended? A system that does not say so gives no.
+/// True if the process with this number has ended; false where the system does not tell.
 pub(crate) fn has_ended(process: &str) -> bool {
     let Ok(number) = process.parse() else { return false };
     // SAFETY: the handle is closed once, and not used afterwards.

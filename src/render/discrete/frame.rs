@@ -9,7 +9,7 @@ use crate::render::traverse::Trace;
 use super::line::{Line, POINT_BITS, Point};
 use super::walk::first_hit;
 
-/// The discrete rays of a picture: by increments where that can be, else each by itself.
+/// The discrete rays of a picture: by increments where possible, else each by itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DiscreteRays<'a> {
     sight: Sight<'a>,
@@ -17,13 +17,13 @@ pub(crate) struct DiscreteRays<'a> {
 }
 
 impl<'a> DiscreteRays<'a> {
-    /// Those of a picture of this size in pixels.
+    /// The rays of a picture of this size in pixels.
     pub(crate) fn new(sight: Sight<'a>, width: u32, height: u32) -> Self {
         Self { sight, frame: ParallelFrame::new(&sight, width, height) }
     }
 
-    /// First hits of those pixels of a tile that are bits of `asked` and lie in the picture; `each` gets the pixel's
-    /// number in the tile.
+    /// First hits of those pixels of a tile that are bits of `asked` and lie in the picture; `each` receives the
+    /// pixel's number in the tile.
     pub(crate) fn trace_tile<V: NodeView>(
         &self,
         view: &V,
@@ -62,21 +62,20 @@ impl<'a> DiscreteRays<'a> {
 
 /// The lines of a parallel projection.
 ///
-/// They have one main axis and one slope, and their points are affine functions of the pixel. Each row begins with
-/// points of its own, so that the rounding of an increment adds up along one row only: to less than 2^-25 cell in the
-/// widest.
+/// They have one main axis and one slope, and their points are affine functions of the pixel. Each row begins with its
+/// own points, so that the rounding of an increment adds up along one row only: to less than 2^-25 cell in the widest.
 #[derive(Clone, Copy, Debug)]
 pub struct ParallelFrame {
-    /// One with the axis and the slope of all.
+    /// A line with the common axis and slope.
     line: Line,
     rise: Point,
     floor: PixelAffine<2>,
-    /// Where the rays start, u, v and w, if some start within the grid.
+    /// Starts of the rays, u, v and w, if some start within the grid.
     start: Option<PixelAffine<3>>,
 }
 
-/// Coordinates as affine functions of the pixel, in units of 2^-[`POINT_BITS`] cell: of the first pixel, their change along
-/// a row, and from row to row.
+/// Coordinates as affine functions of the pixel, in units of 2^-[`POINT_BITS`] cell: at the first pixel, their change
+/// along a row, and from row to row.
 #[derive(Clone, Copy, Debug)]
 struct PixelAffine<const N: usize> {
     first: [f64; N],
@@ -99,18 +98,18 @@ impl<const N: usize> PixelAffine<N> {
     }
 }
 
-/// Nearest whole number.
+/// Nearest integer.
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^58, as checked for the corners of a picture")]
 fn whole(c: f64) -> i64 {
     c.round() as i64
 }
 
-/// Points farther than this from the grid, in cells, are not taken by increments, nor those farther than two sides of
-/// the grid: an f64 would round them by more than 2^-35 cell.
+/// Points farther from the grid than this, in cells, and than two sides of the grid are not taken by increments: an f64
+/// would round them by more than 2^-35 cell.
 const FARTHEST: f64 = 65_536.0;
 
 impl ParallelFrame {
-    /// Those of a picture; `None` in perspective, and where a ray is too far from the grid.
+    /// The frame of a picture; `None` in perspective, and where a ray is too far from the grid.
     pub fn new(sight: &Sight<'_>, width: u32, height: u32) -> Option<Self> {
         let pencil = sight.pencil((0, 0))?;
         let [towards, ..] = pencil.direction;
@@ -119,7 +118,7 @@ impl ParallelFrame {
         }
         let depth = sight.space().dims().depth();
         let side = f64::from(1_u32 << depth);
-        // Through the middle of the grid, for axis and slope as a ray of that direction has them.
+        // Through the middle of the grid, to get the axis and slope of a ray in that direction.
         let longest = towards.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
         let before = std::array::from_fn(|a| side / 2.0 - 2.0 * side * towards[a] / longest);
         let line = Line::new(&Ray::new(depth, before, towards, 0.0).ok()??);
@@ -132,7 +131,7 @@ impl ParallelFrame {
                 unit * if line.axis.is_mirrored(a) { from - vector[a] } else { vector[a] }
             })
         };
-        // Where the line through a pixel's origin meets w = 0.
+        // Intersection of the line through a pixel's origin with w = 0.
         #[expect(clippy::cast_precision_loss, reason = "a slope times 2^depth, of 40 bits behind the point")]
         let floor = PixelAffine::of(pencil.origin, |vector, is_point| {
             let [u, v, w] = in_frame(vector, is_point);
@@ -157,7 +156,7 @@ impl ParallelFrame {
         Some(Self { line, rise, floor, start: starts_within.then_some(start) })
     }
 
-    /// The lines of the pixels of a row, from column `x` on, without an end.
+    /// The unlimited lines of the pixels of a row, from column `x` on.
     pub fn row(&self, x: u32, y: u32) -> Row {
         let (x, y) = (f64::from(x), f64::from(y));
         let floor = self.floor.at(x, y).map(whole);
@@ -177,7 +176,7 @@ impl ParallelFrame {
 pub struct Row {
     line: Line,
     step: Point,
-    /// Where the ray starts along the main axis.
+    /// Start of the ray along the main axis.
     w: i64,
     start_step: [i64; 3],
 }
@@ -185,7 +184,7 @@ pub struct Row {
 impl Iterator for Row {
     type Item = Line;
 
-    /// Four additions; three more for the start.
+    /// Cost: four additions; three more for the start.
     #[inline]
     fn next(&mut self) -> Option<Line> {
         let first_storey = u32::try_from((self.w >> POINT_BITS).max(0)).unwrap_or(u32::MAX);

@@ -1,4 +1,4 @@
-//! A ray as the discrete walk sees it: its main axis, and points on planes across that axis.
+//! A ray in the discrete walk: its main axis, and points on planes across that axis.
 
 use crate::render::ray::{FRACTION_BITS, MAX_DEPTH, Ray};
 
@@ -11,8 +11,8 @@ const _: () = assert!(MAX_DEPTH + 2 + POINT_BITS < 63);
 
 /// The axis along which a ray runs fastest (the paper, 3.2), and the way back from the walk's frame.
 ///
-/// In the walk's frame all components of the direction are at least 0 and the main axis is the third: axes along
-/// which the ray runs backwards are mirrored, and the axes are turned in a circle.
+/// In the walk's frame all components of the direction are at least 0 and the main axis is the third: axes along which
+/// the ray runs backwards are mirrored, and the axes are rotated cyclically.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MainAxis {
     main: u8,
@@ -20,7 +20,7 @@ pub struct MainAxis {
 }
 
 impl MainAxis {
-    /// That of a direction: the greatest absolute value, of equal ones the first of x, y, z.
+    /// The main axis of a direction: the greatest absolute value, of equal ones the first of x, y, z.
     #[inline]
     pub fn of(direction: [i64; 3]) -> Self {
         let size = direction.map(i64::unsigned_abs);
@@ -41,7 +41,7 @@ impl MainAxis {
         usize::from(self.main % 3)
     }
 
-    /// Does the ray run backwards along this axis of the grid?
+    /// True if the ray runs backwards along this axis of the grid.
     #[inline]
     pub fn is_mirrored(self, axis: usize) -> bool {
         self.mirrored >> (axis % 3) & 1 == 1
@@ -53,13 +53,14 @@ impl MainAxis {
         (self.number() + 1 + of_walk) % 3
     }
 
-    /// Number of these turns and mirrorings, below 24.
+    /// Number of this rotation and mirroring, below 24.
     #[inline]
     pub(super) fn frame_number(self) -> usize {
         self.number() * 8 + usize::from(self.mirrored & 7)
     }
 
-    /// Lowest cell of a box in the grid from that in the walk's frame; `last` is the lowest cell of the last box.
+    /// Lowest cell of a box in the grid from its lowest cell in the walk's frame; `last` is the lowest cell of the last
+    /// box.
     #[inline]
     pub(super) fn to_grid(self, low: [u32; 3], last: u32) -> [u32; 3] {
         let mut cell = [0; 3];
@@ -79,10 +80,10 @@ pub type Point = [i64; 2];
 pub struct Line {
     pub(super) axis: MainAxis,
     pub(super) depth: u32,
-    /// Where it meets the planes w = 0 and w = 2^depth.
+    /// Intersections with the planes w = 0 and w = 2^depth.
     pub(super) floor: Point,
     pub(super) ceiling: Point,
-    /// The ray's first point: none lies before it.
+    /// First point of the ray.
     pub(super) start: Point,
     /// The storey of cells that the ray starts in.
     pub(super) first_storey: u32,
@@ -121,7 +122,7 @@ impl Line {
         }
     }
 
-    /// Its main axis.
+    /// The line's main axis.
     pub fn main_axis(&self) -> MainAxis {
         self.axis
     }

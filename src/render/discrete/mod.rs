@@ -1,10 +1,10 @@
-//! The paper's own traversal (section 3), by its names: a discrete, 6-connected ray.
+//! The paper's own traversal (section 3), with its terms: a discrete, 6-connected ray.
 //!
-//! A ray is seen by three points per box: on the planes of its *floor*, *middle* and *ceiling*, which lie across
+//! A ray is represented by three points per box: on the planes of its *floor*, *middle* and *ceiling*, which lie across
 //! the ray's *main axis*. Their coordinates along the two other axes name a quadrant each; the quadrants of floor and
-//! middle make the path through the lower *storey* of the box, those of middle and ceiling the path through the
-//! upper one. Path byte AND infobyte are the children to visit, front to back. Sums, shifts and comparisons of
-//! whole numbers are all that a box costs.
+//! middle make the path through the lower *storey* of the box, those of middle and ceiling the path through the upper
+//! one. Path byte AND infobyte are the children to visit, front to back. A box only costs sums, shifts and comparisons
+//! of integers.
 //!
 //! | file | what it owns |
 //! |---|---|

@@ -6,10 +6,10 @@
 use super::line::MainAxis;
 
 /// Quadrants of floor, middle and ceiling along one axis, in halves of the box from its low side: -1, 0, 1 or 2, where
-/// the outer two stand for all that lies outside. From one to the next they grow by at most 1.
+/// the outer two stand for everything outside. From one to the next they grow by at most 1.
 pub(crate) type Halves = [i8; 3];
 
-/// Bit 0 and 1 of a pair of halves: those of the box that lie between them.
+/// Mask of the halves of the box between two halves.
 #[inline]
 fn between(from: i8, to: i8) -> usize {
     let bit = |half: i8| match half {
@@ -20,11 +20,11 @@ fn between(from: i8, to: i8) -> usize {
     bit(from) | bit(to)
 }
 
-/// Quadrants of a storey whose u is in a set of halves, and whose v is.
+/// Quadrants of a storey with u in a set of halves, and with v in it.
 const BY_U: [u8; 4] = [0, 0b0101, 0b1010, 0b1111];
 const BY_V: [u8; 4] = [0, 0b0011, 0b1100, 0b1111];
 
-/// The children that a ray passes, widened so that each shares a face with one before it: where both coordinates
+/// The children that a ray passes, widened so that each shares a face with a previous one: where both coordinates
 /// change within a storey, all four of its quadrants (the paper, 3.3).
 ///
 /// `u` and `v` are the halves of floor, middle and ceiling.
@@ -34,7 +34,7 @@ pub(crate) fn path_byte(u: Halves, v: Halves) -> u8 {
     storey(0) | storey(1) << 4
 }
 
-/// An infobyte in the walk's frame: bit i says that child i there is not empty.
+/// An infobyte in the walk's frame: bit i is set if child i there is not empty.
 #[inline]
 pub(crate) fn infobyte_in_frame(infobyte: u8, axis: MainAxis) -> u8 {
     IN_FRAME[axis.frame_number() % FRAMES][usize::from(infobyte)]

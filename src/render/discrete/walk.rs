@@ -28,10 +28,10 @@ struct OpenBox {
 
 /// First skin voxel on the discrete ray of a line; with `lod_edge_log2` = k > 0, first node with an edge of 2^k or less.
 ///
-/// The line must have been made for the depth of this view. [`Trace::steps`] counts the boxes whose children were looked
-/// at. `ray` is asked for the place of a hit along it only; with `None` there is no hit.
+/// The line must have been made for the depth of this view. [`Trace::steps`] counts the opened boxes. `ray` only serves
+/// to place a hit along it; with `None` there is no hit.
 ///
-/// Cost: a box, some twenty additions, shifts and comparisons of whole numbers; one infobyte, and one rank if a child is
+/// Cost: a box, some twenty additions, shifts and comparisons of integers; one infobyte, and one rank if a child is
 /// visited. Any view is safe: the walk ends within [`step_limit`] steps.
 #[inline]
 pub fn first_hit<V: NodeView>(
@@ -46,7 +46,7 @@ pub fn first_hit<V: NodeView>(
         return nothing(0);
     }
     if depth <= lod_edge_log2 {
-        // The root alone: does the line come by?
+        // The root alone: tests whether the line comes by.
         let side = 1_i64 << (POINT_BITS + depth);
         let beside =
             |k: usize| line.floor[k].max(line.start[k]) >= side || line.ceiling[k].max(line.start[k]) < 0;
@@ -57,7 +57,7 @@ pub fn first_hit<V: NodeView>(
     }
     let open = |node: NodeIndex, low: [u32; 3], half_log2: u32, floor: Point, ceiling: Point| {
         let middle = std::array::from_fn(|k| (floor[k] + ceiling[k]) >> 1);
-        // A number of halves from the low side; nothing of the ray lies before its start.
+        // Halves from the low side; the ray has no points before its start.
         let halves = |k: usize| -> Halves {
             let low = i64::from(low[k]) << POINT_BITS;
             [floor[k], middle[k], ceiling[k]].map(|point| {
@@ -84,7 +84,7 @@ pub fn first_hit<V: NodeView>(
     let limit = step_limit(depth).saturating_mul(4);
     let mut steps = 1;
     while steps <= limit {
-        // `level` is that of the open box's children.
+        // `level` belongs to the open box's children.
         let at = &mut path[level as usize % LEVELS];
         if at.pending == 0 {
             level += 1;
@@ -113,7 +113,7 @@ pub fn first_hit<V: NodeView>(
     nothing(steps)
 }
 
-/// A box as what the ray hits. Where its line passes by the box, the hit is where it is nearest to it.
+/// A hit of the ray with a box. If its line only passes by the box, the hit is at the nearest point.
 #[expect(clippy::cast_precision_loss, reason = "all below 2^53")]
 #[expect(clippy::needless_range_loop, reason = "an axis indexes several arrays")]
 fn struck(ray: &Ray, box_number: u64, cell: [u32; 3], edge_log2: u32) -> Hit {
@@ -138,7 +138,7 @@ fn struck(ray: &Ray, box_number: u64, cell: [u32; 3], edge_log2: u32) -> Hit {
             let d = ray.direction()[a];
             let face = Face::new(a, d < 0);
             let after = ray.t_after(n, d);
-            // Passed by: half way between the planes that it crosses last and first.
+            // Passed by: half way between the last plane of entry and the first plane of exit.
             let back = if leave < t { (t - leave) / 2.0 / t } else { 0.0 };
             (Some(face), after - (after - ray.t_start()) * back)
         }

@@ -1,8 +1,8 @@
-//! Which boxes around a box are skin, looked up in bricks of 4 x 4 x 4 boxes that are kept.
+//! Occupancy of the boxes around a box, looked up in cached bricks of 4 x 4 x 4 boxes.
 //!
-//! Pixels side by side ask for the same few bricks again and again; so one walk down the octree serves some
-//! hundred of them. Every window lies in eight bricks; those of the last windows are kept as blocks of 8 x 8 x 8 boxes.
-//! Memory: 26 KiB. Cost: some 10 ns where the block is kept, 40 where only its bricks are.
+//! Adjacent pixels need the same few bricks again and again; so one walk down the octree serves some hundred of them.
+//! Every window lies in eight bricks; those of the last windows are cached as blocks of 8 x 8 x 8 boxes. Memory: 26
+//! KiB. Cost: some 10 ns where the block is cached, 40 where only its bricks are.
 
 use super::{larger, smooth};
 use crate::geom::{BoxIndex, NodeIndex, Octant};
@@ -15,16 +15,16 @@ use crate::render::occupancy::{place, spread_children};
 pub(super) const REACH: i64 = 2;
 pub(super) const SIDE: u32 = 5;
 
-/// Bricks that are kept: what a tile of pixels sees, several times over.
+/// Cached bricks: the needs of a tile of pixels several times over.
 const KEPT: usize = 256;
 
 /// Deepest octree (SPEC 4.1).
 const MAX_LEVELS: usize = 16;
 
-/// 4 x 4 x 4 boxes.
+/// A brick of 4 x 4 x 4 boxes.
 #[derive(Clone, Copy)]
 struct WindowBrick {
-    /// Where it lies, or [`WindowBrick::NOWHERE`].
+    /// Key of its position, or [`WindowBrick::NOWHERE`].
     key: u64,
     /// Its boxes in Morton order, and the number of the first.
     boxes: u64,
@@ -38,23 +38,23 @@ impl WindowBrick {
     const NONE: Self = Self { key: Self::NOWHERE, boxes: 0, first: 0, rows: 0 };
 }
 
-/// The way down to the brick that was looked up last.
+/// The path down to the brick that was looked up last.
 struct Descent {
-    /// Its coordinates, in bricks.
+    /// Coordinates of the brick, in bricks.
     to: [u32; 3],
-    /// Nodes from the root on, and how many of them there are.
+    /// Nodes from the root on, and their number.
     nodes: [NodeIndex; MAX_LEVELS + 1],
     known: u32,
 }
 
-/// 8 x 8 x 8 boxes: eight bricks.
+/// A block of 8 x 8 x 8 boxes: eight bricks.
 #[derive(Clone, Copy)]
 struct Block {
-    /// Where the lowest of the bricks lies, or [`WindowBrick::NOWHERE`].
+    /// Key of the lowest brick's position, or [`WindowBrick::NOWHERE`].
     key: u64,
     /// Layers along z, rows along x eight bits apart.
     layers: [u64; 8],
-    /// The boxes of each brick in Morton order, and the number of the first; bit 0 of the place for x.
+    /// The boxes of each brick in Morton order, and the number of its first box; bit 0 of the index for x.
     boxes: [(u64, u64); 8],
 }
 
@@ -69,9 +69,9 @@ pub(crate) struct Surroundings {
     bricks: Vec<WindowBrick>,
     blocks: [Block; KEPT_BLOCKS],
     way: Descent,
-    /// Levels of the grid that is kept here.
+    /// Levels of the cached grid.
     levels: u32,
-    /// What was found by them.
+    /// Results found by windows.
     pub(super) smooth: smooth::Neighbourhoods,
     pub(super) larger: larger::BoxNormals,
 }
@@ -90,7 +90,7 @@ impl Surroundings {
     }
 
     /// The boxes within [`REACH`] of `cell`, in a grid of 2^levels boxes a side, as bits `x + 5 y + 25 z`; and the
-    /// number of the one in the middle, if it is there.
+    /// number of the middle box, if it exists.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
     pub(super) fn window(
         &mut self,
@@ -112,7 +112,7 @@ impl Surroundings {
             let next = rows >> 6 & 0x7c00 | rows >> 9 & 0xf_8000 | rows >> 12 & 0x1f0_0000;
             found |= u128::from(pairs | next) << (25 * z);
         }
-        // The middle is in one of the eight.
+        // The middle is in one of the eight bricks.
         let brick = (0..3).fold(0, |brick, a| brick | (((cell[a] >> 2) - (low[a] >> 2)) & 1) << a) as usize;
         let (boxes, first) = block.boxes[brick & 7];
         let at = (0..3).fold(0, |at, a| at | (cell[a] & 1) << a | (cell[a] & 2) << (a + 2));
@@ -121,8 +121,8 @@ impl Surroundings {
         (found, there.then(|| first.wrapping_add(u64::from(before.count_ones()))))
     }
 
-    /// The box at `cell` and those next to it, in a grid of 2^levels boxes a side: for each that is there `x + 3 y + 9 z`,
-    /// and its number.
+    /// The box at `cell` and its neighbours, in a grid of 2^levels boxes a side: `x + 3 y + 9 z` and the number of each
+    /// box that exists.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
     pub(super) fn neighbours(
         &mut self,
@@ -152,7 +152,7 @@ impl Surroundings {
     #[inline]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
     fn block(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> &Block {
-        // One below the grid is a place, too.
+        // Coordinates start at -1, one below the grid.
         let [x, y, z] =
             [(at[0] + 1) as u64 & 0xffff, (at[1] + 1) as u64 & 0xffff, (at[2] + 1) as u64 & 0xffff];
         let key = x | y << 16 | z << 32;
@@ -178,7 +178,7 @@ impl Surroundings {
         block
     }
 
-    /// The brick at these coordinates; one without boxes outside the grid.
+    /// The brick at these coordinates; empty outside the grid.
     #[inline]
     fn brick(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> WindowBrick {
         let side = 1_i64 << self.levels.saturating_sub(2);
@@ -188,7 +188,7 @@ impl Surroundings {
         #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "within the grid")]
         let at = [at[0] as u32, at[1] as u32, at[2] as u32];
         let key = u64::from(at[0]) | u64::from(at[1]) << 16 | u64::from(at[2]) << 32;
-        // Neighbours along every axis have places of their own.
+        // Neighbours along every axis have different slots.
         let slot = (at[0] & 7 | (at[1] & 7) << 3 | (at[2] & 3) << 6) as usize % KEPT;
         match self.bricks.get(slot) {
             Some(brick) if brick.key == key => *brick,
@@ -251,7 +251,7 @@ mod tests {
     use crate::memory_tree::MemoryTree;
     use crate::random::Random;
 
-    /// Every window of small grids of every depth, in an order that goes to and fro.
+    /// Every window of small grids of every depth, in an order that goes back and forth.
     #[test]
     fn windows_are_what_the_boxes_are() {
         let mut random = Random(77);

@@ -1,9 +1,9 @@
 //! Normals blended between the boxes around a hit: no facets, no ribs at thick slices, no rings of quantisation.
 //!
-//! The eight boxes whose middles surround the point of the hit count by how near they are along each axis, as in
-//! trilinear interpolation, those that exist and whose normals are within 60 degrees of the hit's own: beyond an edge,
-//! or on the other side of a thin wall, there is another surface. Cost: a walk from the root that parts
-//! where the eight do, some microseconds a pixel; that is why it is a choice.
+//! The eight boxes whose middles surround the hit point have trilinear weights by their distance along each axis. Only
+//! boxes that exist and whose normals are within 60 degrees of the hit's own count: beyond an edge, or on the other
+//! side of a thin wall, there is another surface. Cost: a walk from the root that splits where the eight do, some
+//! microseconds a pixel, which is why blending is a choice.
 
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
@@ -11,7 +11,7 @@ use crate::load::{ModelView, NodeView};
 /// Least cosine between the hit's normal and another that counts.
 const MIN_COSINE: f64 = 0.5;
 
-/// The voxel or cell at a place of the grid, if the model has it.
+/// The voxel or cell at a position of the grid, if the model has it.
 pub(crate) fn find(view: &ModelView<'_>, at: [u32; 3]) -> Option<VoxelIndex> {
     let mut node = NodeIndex::ROOT;
     for level in (0..view.depth()).rev() {
@@ -26,11 +26,11 @@ pub(crate) fn find(view: &ModelView<'_>, at: [u32; 3]) -> Option<VoxelIndex> {
     None
 }
 
-/// The voxels or cells at the eight corners of a box of places: bit `a` of a corner's number says `high` along axis `a`.
-/// Corners that lie in one node go down together. `low` and `high` are the same or next to each other.
+/// The voxels or cells at the eight corners of a box of positions: bit `a` of a corner's number selects `high` along
+/// axis `a`. Corners in one node descend together. `low` and `high` are equal or adjacent.
 fn find_corners(view: &ModelView<'_>, [low, high]: [[u32; 3]; 2]) -> [Option<VoxelIndex>; 8] {
     let mut boxes = [Some(BoxIndex::ROOT); 8];
-    // Axes along which corners lie in boxes of their own.
+    // Axes along which corners lie in different boxes.
     let mut apart = 0;
     for level in (0..view.depth()).rev() {
         let (parents, above) = (boxes, apart);
@@ -57,7 +57,7 @@ fn find_corners(view: &ModelView<'_>, [low, high]: [[u32; 3]; 2]) -> [Option<Vox
     std::array::from_fn(|corner| boxes[corner & apart].map(|voxel| voxel.voxel(view.node_count())))
 }
 
-/// A normal of length 1 of what a code says.
+/// Unit normal of a decoded code.
 fn unit(stored: [i32; 3]) -> [f64; 3] {
     let n = stored.map(f64::from);
     let length = dot(n, n).sqrt();
@@ -103,7 +103,7 @@ mod tests {
     use crate::memory_tree::MemoryTree;
     use crate::random::Random;
 
-    /// Corners that go down together are what walks alone find.
+    /// Corners that descend together match separate walks.
     #[test]
     fn corners_are_found_as_each_alone() {
         let mut random = Random(5);

@@ -1,7 +1,7 @@
 //! Normals blended between larger leaves (SPEC 4.9): as between cells, with boxes as wide as the leaf that was hit.
 //!
-//! Pixels side by side ask for the same few boxes, so what was found last is kept, and a walk down the octree starts where it
-//! leaves the one before. Memory: 10 KiB. Cost: some 5 ns a box that is kept, of eight for a hit.
+//! Adjacent pixels need the same few boxes, so the last results are cached, and a walk down the octree starts where it
+//! leaves the previous one. Memory: 10 KiB. Cost: some 5 ns a cached box, of eight for a hit.
 
 use crate::geom::{NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
@@ -11,21 +11,21 @@ use crate::format::normal;
 /// Least cosine between the hit's normal and another that counts.
 const MIN_COSINE: f64 = 0.5;
 
-/// Boxes that are kept.
+/// Cached boxes.
 const KEPT: usize = 256;
 /// Levels of the deepest octree (SPEC 4.1); its nodes with the root.
 const MAX_DEPTH: u32 = 16;
 const NODES: usize = MAX_DEPTH as usize + 1;
 
-/// The normal of a box, as a vector of length 1; `None` where nothing is.
+/// The normal of a box, as a vector of length 1; `None` for an empty box.
 type BoxNormal = Option<[f64; 3]>;
 
-/// The normals of the boxes that were asked for last.
+/// The normals of the boxes looked up last.
 #[derive(Clone, Debug)]
 pub(super) struct BoxNormals {
-    /// By place and edge of the box.
+    /// Results by position and edge of the box.
     found: Vec<(u64, BoxNormal)>,
-    /// The last walk: to this cell, by these nodes from the root on.
+    /// The last walk: its target cell, and its nodes from the root on.
     to: [u32; 3],
     nodes: [NodeIndex; NODES],
     known: u32,
@@ -38,8 +38,8 @@ impl Default for BoxNormals {
 }
 
 impl BoxNormals {
-    /// The normal of the box of edge `2^edge_log2` at a place of the grid: of the larger leaf that it is or lies in, or the
-    /// mean of what is in it.
+    /// The normal of the box of edge `2^edge_log2` at a position of the grid: the normal of the larger leaf that it is
+    /// or lies in, or the mean over its content.
     fn normal(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> BoxNormal {
         if self.found.is_empty() {
             self.found = vec![(u64::MAX, None); KEPT];
@@ -56,7 +56,7 @@ impl BoxNormals {
     fn walk(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> Option<[i32; 3]> {
         let depth = view.depth().min(MAX_DEPTH);
         let apart = (0..3).fold(0, |apart, a| apart | place[a] ^ self.to[a]);
-        // The nodes of boxes that hold both places, from the root on.
+        // The nodes of boxes that hold both positions, from the root on.
         let shared = depth.saturating_sub(u32::BITS - apart.leading_zeros());
         self.known = self.known.min(shared + 1).min(depth - edge_log2.min(depth) + 1);
         self.to = place;
@@ -83,7 +83,7 @@ fn unit(normal: [i32; 3]) -> [f64; 3] {
 }
 
 /// The blended normal at a point of the grid within a larger leaf of edge `2^edge_log2`, in index space; `own` is the
-/// leaf's.
+/// leaf's normal.
 pub(super) fn blended(
     view: &ModelView<'_>,
     kept: &mut BoxNormals,

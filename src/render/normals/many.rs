@@ -1,4 +1,4 @@
-//! The normals of a tile's pixels together: those of skin are judged 64 at once, and pixels of one face share theirs.
+//! The normals of a tile's pixels together: normals of skin are judged 64 at once, and pixels of one face share theirs.
 
 use super::around::Surroundings;
 use super::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
@@ -6,7 +6,7 @@ use super::shown::{Line, Normals, PixelHit, towards_eye};
 use crate::cpu::Form;
 use crate::render::tile::RAYS;
 
-/// The pixels of a tile that `wanted` names.
+/// The pixels of a tile selected by `wanted`.
 fn each(wanted: u64, seen: &[PixelHit]) -> impl Iterator<Item = (usize, PixelHit)> {
     let mut left = wanted;
     std::iter::from_fn(move || {
@@ -17,25 +17,25 @@ fn each(wanted: u64, seen: &[PixelHit]) -> impl Iterator<Item = (usize, PixelHit
     })
 }
 
-/// Base-2 logarithm of the normals that a worker keeps, and an odd number that scatters their keys.
+/// Base-2 logarithm of the number of cached normals, and an odd number that scatters their keys.
 const KEPT_BITS: u32 = 9;
 const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A normal that is known, or will be once the doubts of the tile are settled.
+/// A normal that is known, or will be once the tile's doubtful normals are settled.
 #[derive(Clone, Copy)]
 enum Normal {
-    /// In the frame of the boxes.
+    /// A normal in the frame of the boxes.
     Known([f64; 3]),
-    /// The number of the doubt.
+    /// The number of the doubtful normal.
     Awaited(u8),
 }
 
-/// The normals of faces that a worker has found, and its room for those of a tile.
+/// Cached normals of faces for a worker, and buffers for the normals of a tile.
 pub(crate) struct TileNormals {
     form: Form,
     stored: Stored,
     doubts: Doubts,
-    /// Round, box and face, and the normal that is shown there.
+    /// Round, box and face, and the normal displayed there.
     normals: Vec<(u32, u64, Normal)>,
     round: u32,
 }
@@ -51,7 +51,7 @@ impl TileNormals {
         (seen.key().wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize
     }
 
-    /// The normal of the face of a box, if it was found.
+    /// The normal of a box's face, if it is cached.
     #[inline]
     fn recall(&self, seen: PixelHit) -> Option<Normal> {
         let (round, key, normal) = self.normals.get(Self::slot(seen))?;
@@ -70,7 +70,7 @@ impl TileNormals {
         self.round += 1;
     }
 
-    /// The unit normals of the world that are shown at a tile's hits; `line` gives the line of sight of a pixel.
+    /// Fills in the displayed world unit normals at a tile's hits; `line` gives the line of sight of a pixel.
     pub(crate) fn fill(
         &mut self,
         normals: &Normals<'_>,
@@ -93,8 +93,8 @@ impl TileNormals {
         }
     }
 
-    /// The normals of a tile's hits in the frame of the boxes, of any length; and the pixels whose normals look towards the
-    /// eye, since no normal in that frame does.
+    /// The normals of a tile's hits in the frame of the boxes, of any length; and the mask of pixels whose normals
+    /// point to the eye instead, for lack of a normal in that frame.
     fn in_boxes(
         &mut self,
         all: &Normals<'_>,
@@ -158,7 +158,7 @@ impl TileNormals {
         (normals, to_eye)
     }
 
-    /// [`Normals::in_boxes`] of one pixel; pixels of one face have one normal, which is found once.
+    /// [`Normals::in_boxes`] for one pixel; pixels of one face have one normal, which is found once.
     #[inline]
     fn one(
         &mut self,

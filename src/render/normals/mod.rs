@@ -1,4 +1,4 @@
-//! The normal that a picture shows where a ray hit a box.
+//! The displayed normal where a ray hit a box.
 //!
 //! | module | its part of the decision |
 //! |---|---|

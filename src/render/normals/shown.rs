@@ -1,4 +1,4 @@
-//! The hit of a pixel, and the normal that is shown there.
+//! The hit of a pixel, and the normal displayed there.
 
 use crate::cpu::Form;
 use crate::format::{Label, normal};
@@ -20,16 +20,15 @@ use crate::render::traverse::Hit;
 /// Line of sight in the world: origin and direction.
 pub(crate) type Line = ([f64; 3], [f64; 3]);
 
-/// How far the place of a hit may be from the wall that it is on, in half cells: rays are rounded in the grid, by 2^-14 cell
-/// at most.
+/// Largest distance of a hit from its wall, in half cells: rays are rounded in the grid, by 2^-14 cell at most.
 pub(crate) const NEAR_WALL: f64 = 1.0 / 4096.0;
-/// That distance where the depth is in single precision.
+/// The same distance where the depth is in single precision.
 const NEAR_BY_DEPTH: f64 = 1e-3;
-/// A step that leads into the cell that was hit, in cells.
+/// Length of a step into the cell that was hit, in cells.
 const AHEAD: f64 = 1e-4;
-/// How far a mean normal that looks away is turned back to the side that is seen: just beyond the edge of what is.
+/// Factor by which a mean normal that points away is turned back to the visible side, just beyond its edge.
 const SEEN: f64 = 1.05;
-/// Cosine between a line of sight and a normal that looks away up to which the surface is taken for one seen from outside.
+/// Cosine between a line of sight and a normal that points away up to which the surface counts as seen from outside.
 const GRAZING: f64 = 0.35;
 
 /// A pixel's hit in 16 bytes.
@@ -41,20 +40,20 @@ pub(crate) struct PixelHit {
     /// Axis and side of the face, or [`PixelHit::NO_FACE`].
     face: u8,
     kind: HitKind,
-    /// The normal's code, where it is not that of the box.
+    /// Code of the normal, where it is not the box's.
     code: u16,
 }
 
-/// Where the normal of a hit comes from.
+/// Source of a hit's normal.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum HitKind {
     Voxel,
     Node,
-    /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
+    /// The hit itself, for a cell with corners, whose normal varies within it.
     Own,
     /// A larger leaf.
     Larger(LeafEdge),
-    /// A cut face: its plane stands for the face, its label for the code.
+    /// A cut face: `face` holds its plane, `code` its label.
     Cut,
 }
 
@@ -101,14 +100,14 @@ impl PixelHit {
         }
     }
 
-    /// Matter that a plane of a clip cut open, and the number of its label, or 0.
+    /// The interior cut open by a plane of a clip, and the number of its label, or 0.
     #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits, and a clip few planes")]
     pub(crate) fn cut(plane: usize, t: f64, label: u16) -> Self {
         let (depth, face) = ((t as f32).min(f32::MAX), plane as u8);
         Self { box_number: 0, depth, face, kind: HitKind::Cut, code: label }
     }
 
-    /// The plane and the label of such a pixel.
+    /// The plane and the label of a cut pixel; `None` for other hits.
     pub(crate) fn cut_of(self) -> Option<(usize, u16)> {
         (self.kind == HitKind::Cut).then_some((self.face.into(), self.code))
     }
@@ -132,7 +131,7 @@ impl PixelHit {
         self.depth
     }
 
-    /// True if its normal is that of the face of a box, for any line of sight.
+    /// True if its normal is the normal of the face of a box, for any line of sight.
     #[inline]
     pub(super) fn is_of_face(self) -> bool {
         self.face != Self::NO_FACE && self.kind != HitKind::Own
@@ -155,11 +154,11 @@ pub(crate) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3
     std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
 }
 
-/// Finds the normals of a model in its place.
+/// Computes the normals of a model in its place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Normals<'a> {
     view: &'a ModelView<'a>,
-    /// The cells, if the model has them: normals are of index space then.
+    /// The cells, if the model has them: normals are then of index space.
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
     smoothing: Smoothing,
@@ -167,7 +166,7 @@ pub(crate) struct Normals<'a> {
 }
 
 impl<'a> Normals<'a> {
-    /// For a model, where hits may be boxes of `2^lod_edge_log2`.
+    /// Normals of a model whose hits may be boxes of `2^lod_edge_log2`.
     pub(crate) fn new(
         view: &'a ModelView<'a>,
         space: &'a GridSpace,
@@ -177,7 +176,7 @@ impl<'a> Normals<'a> {
         Self { view, cells: view.cells().map(Cells::new), space, smoothing, lod_edge_log2 }
     }
 
-    /// The hit along a line.
+    /// The pixel's form of a hit along a line.
     #[inline]
     pub(crate) fn seen(&self, hit: &Hit, line: impl FnOnce() -> Line) -> PixelHit {
         let mut seen = PixelHit::new(hit);
@@ -196,15 +195,15 @@ impl<'a> Normals<'a> {
         seen
     }
 
-    /// The label of a finest hit, of a model of cells between labels.
+    /// The label of a hit on the finest level, for a model of cells between labels.
     pub(crate) fn label(&self, seen: PixelHit, (origin, direction): Line) -> Option<&'a Label> {
         let (labels, number) = (self.view.labels()?, seen.box_number.wrapping_sub(self.view.node_count()));
         let walls = self.view.walls(number).filter(|_| seen.is_finest())?;
         let at = self.space.to_grid(add_scaled(origin, f64::from(seen.depth), direction));
         let way = self.space.world_to_grid().apply_vector(direction);
-        // A little ahead: the place of a hit on a face may be on either side.
+        // A little ahead: the point of a hit on a face may be on either side.
         let longest = way.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
-        // By as much as single precision may be off, at least.
+        // At least the rounding of single precision.
         let step = (AHEAD / longest).max(f64::from(seen.depth) * f64::from(f32::EPSILON));
         let ahead = add_scaled(at, step, way);
         let u = std::array::from_fn(|a| 2.0 * (ahead[a] - ahead[a].floor()) - 1.0);
@@ -227,7 +226,7 @@ impl<'a> Normals<'a> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
-    /// A normal of the hit's box, blended with those of the boxes around.
+    /// A normal of the hit's box, blended with the normals of the boxes around.
     #[inline]
     fn blended(
         &self,
@@ -246,14 +245,14 @@ impl<'a> Normals<'a> {
         blend::blended(self.view, at, own)
     }
 
-    /// Where a hit lies in the grid.
+    /// Position of a hit in the grid.
     #[inline]
     fn at(&self, seen: PixelHit, line: impl Fn() -> Line) -> [f64; 3] {
         let (origin, sight) = line();
         self.space.to_grid(add_scaled(origin, f64::from(seen.depth), sight))
     }
 
-    /// A normal of the hit's cell or larger leaf, made smooth where that is wanted.
+    /// A normal of the hit's cell or larger leaf, smoothed if requested.
     #[inline]
     fn of_cells(
         &self,
@@ -278,8 +277,8 @@ impl<'a> Normals<'a> {
         not_away(own, smooth, direction, spacing)
     }
 
-    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
-    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
+    /// World normal: the stored one unless the skin around contradicts it, else the face's, else towards the eye. The
+    /// plane of a cell is the surface itself, and is never contradicted.
     pub(crate) fn normal(
         &self,
         around: &mut Surroundings,
@@ -320,13 +319,13 @@ impl<'a> Normals<'a> {
         Some(if self.smoothing == Smoothing::Blended { self.blended(around, seen, line, own) } else { own })
     }
 
-    /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
+    /// World unit vector out of the body by the stored normal; `None` without one.
     pub(crate) fn outward(&self, seen: PixelHit) -> Option<[f64; 3]> {
         Some(self.to_world(self.stored(seen, 0)?.map(f64::from)))
     }
 
     /// Cosine of the angle between that vector and a direction of the world, both in the frame of the box: a placement
-    /// that draws a body out draws out what its normals err by, too.
+    /// that stretches a body also stretches the errors of its normals.
     pub(crate) fn along(&self, seen: PixelHit, direction: [f64; 3]) -> Option<f64> {
         let stored = self.stored(seen, 0)?.map(f64::from);
         let normal = if self.cells.is_some() { self.space.index_normal_to_frame(stored) } else { stored };
@@ -334,7 +333,7 @@ impl<'a> Normals<'a> {
         Some(dot(normal, direction) / (dot(normal, normal) * dot(direction, direction)).sqrt())
     }
 
-    /// The same, blended between the boxes around.
+    /// Like [`Self::outward`], blended between the boxes around.
     pub(crate) fn smooth_outward(
         &self,
         around: &mut Surroundings,
@@ -353,8 +352,8 @@ impl<'a> Normals<'a> {
         }
     }
 
-    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
-    /// the box, its parts' sizes adding up to [`normal::SCALE`].
+    /// The normal stored for the box at a distance behind the hit box in file order, in the frame of the box, with
+    /// sizes of components that add up to [`normal::SCALE`].
     #[inline]
     fn stored(&self, seen: PixelHit, distance: i64) -> Option<[i32; 3]> {
         let number = seen.box_number.wrapping_add_signed(distance);
@@ -366,7 +365,7 @@ impl<'a> Normals<'a> {
         }
     }
 
-    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    /// A stored normal in the frame of the box, turned to the visible side; `None` where it stays.
     #[inline]
     fn facing(
         &self,
@@ -398,7 +397,7 @@ impl<'a> Normals<'a> {
         Some([shown[0] / spacing[0], shown[1] / spacing[1], shown[2] / spacing[2]])
     }
 
-    /// Where a box was hit.
+    /// Details of the hit on a box.
     #[inline]
     fn struck(&self, seen: PixelHit, face: Face, line: impl Fn() -> Line) -> repair::Struck {
         let edge_log2 = if seen.kind == HitKind::Voxel { 0 } else { self.lod_edge_log2 };
@@ -415,7 +414,7 @@ impl<'a> Normals<'a> {
         spacing[0] == spacing[1] && spacing[1] == spacing[2]
     }
 
-    /// Codes of a box, of the four before and of the four behind it.
+    /// Codes of a box, of the four before and of the four after it.
     #[inline]
     fn codes_near(&self, seen: PixelHit) -> Option<[u16; 9]> {
         match seen.kind {
@@ -428,12 +427,12 @@ impl<'a> Normals<'a> {
         }
     }
 
-    /// Normals of a tile in the frame of the boxes, by axis, become unit vectors of the world.
+    /// Transforms normals of a tile in the frame of the boxes, by axis, to world unit vectors.
     pub(super) fn to_units(self, form: Form, in_boxes: &mut [[f64; RAYS]; 3]) {
         self.space.normals_to_world(form, false, in_boxes);
     }
 
-    /// True if normals of one face of a box may differ from place to place.
+    /// True if normals of one face of a box may vary with position.
     pub(super) fn differ_by_place(&self) -> bool {
         match self.smoothing {
             Smoothing::Stored => false,
@@ -448,7 +447,7 @@ impl<'a> Normals<'a> {
         plain.then(|| self.space.spacing_mm()[0])
     }
 
-    /// Notes what a pixel hit, to be judged together with others; `false` where it must be looked at alone.
+    /// Notes the hit of a pixel, to be judged together with others; `false` if it must be handled alone.
     #[inline]
     pub(super) fn note(&self, stored: &mut Stored, pixel: usize, seen: PixelHit) -> bool {
         let found = seen.face().zip(self.codes_near(seen));
@@ -458,7 +457,7 @@ impl<'a> Normals<'a> {
         found.is_some()
     }
 
-    /// The scatter of the boxes around a pixel that was noted, but is in doubt; `None` where its normal stays.
+    /// The scatter of the boxes around a noted pixel whose normal is doubtful; `None` where the normal stays.
     #[inline]
     pub(super) fn scatter(
         &self,
@@ -470,17 +469,17 @@ impl<'a> Normals<'a> {
     }
 }
 
-/// A mean of normals in cells, drawn back to the edge of what a line of sight sees where it looks away.
+/// A mean of normals in cells, turned back to the edge of the visible side where it points away.
 ///
-/// Near silhouettes the mean of the cells around may look away from the eye though their surface is seen. Light falls on both
-/// sides of a surface, so that it would come from the opposite side there: dark dots on bright ridges, bright ones on dark.
-/// A surface that looks away by more is seen from within.
+/// Near silhouettes the mean of the cells around may point away from the eye though their surface is visible. Light
+/// falls on both sides of a surface, so it would come from the opposite side there: dark dots on bright ridges, bright
+/// ones on dark. A surface that points away by more is seen from within.
 fn not_away(own: [f64; 3], mean: [f64; 3], sight: [f64; 3], spacing: [f64; 3]) -> [f64; 3] {
     let away = dot(mean, sight);
     if away <= 0.0 {
         return mean;
     }
-    // The sight as a normal, and the squares of lengths in mm.
+    // The line of sight as a normal, and the squares of lengths in mm.
     let normal: [f64; 3] = std::array::from_fn(|a| sight[a] * spacing[a] * spacing[a]);
     let of_sight = dot(sight, normal);
     let of_mean = (0..3).fold(0.0, |sum, a| sum + (mean[a] / spacing[a]) * (mean[a] / spacing[a]));
@@ -507,10 +506,10 @@ mod tests {
         let (sight, spacing) = ([0.1, 0.0, -1.0], [1.0, 1.0, 4.0]);
         let towards = [0.3, 0.1, 1.0];
         assert_eq!(not_away(towards, towards, sight, spacing), towards);
-        // A ridge that faces up keeps its slope, and is seen from the side that is seen.
+        // A ridge that faces up keeps its slope, and is seen from the visible side.
         let drawn = not_away(towards, [0.0, 1.0, -0.3], sight, spacing);
         assert!(dot(drawn, sight) < 0.0 && dot(drawn, sight) > -0.1 && drawn[1] == 1.0, "{drawn:?}");
-        // Of a surface that is seen from within both look away.
+        // On a surface seen from within both point away.
         let within = [0.0, 0.2, -1.0];
         assert_eq!(not_away(within, within, sight, spacing), within);
         let grazing = not_away([0.0, 1.0, -0.1], [0.0, 1.0, -0.1], sight, spacing);

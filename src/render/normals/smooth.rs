@@ -1,12 +1,12 @@
 //! Normals of cells, smooth where the surface is and sharp where it is not: a mean over the 3 x 3 x 3 cells around a hit.
 //!
-//! A cell counts by three factors. Its middle's distance from the hit along each axis: nothing at a cell and a half, so that the
-//! mean changes without steps as the hit moves. The hit's distance from its plane: nothing at a cell, so that what lies
-//! beside the surface, as the other side of a thin wall, has no part. And how alike its normal is to that of the cell that was
-//! hit: nothing from 72 degrees on, so that edges stay sharp.
+//! A cell's weight has three factors. The distance of its middle from the hit along each axis: zero at a cell and a
+//! half, so that the mean changes without steps as the hit moves. The hit's distance from its plane: zero at a cell, so
+//! that anything beside the surface, such as the other side of a thin wall, has no part. And the similarity of its
+//! normal to the hit cell's: zero from 72 degrees on, so that edges stay sharp.
 //!
-//! Of a head's bone, 2.5 times as many cells as the eight of [`super::blend`] count; light specks of 10,000 smooth pixels fall
-//! from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
+//! On a head's bone, 2.5 times as many cells count as the eight of [`super::blend`]; light specks of 10,000 smooth
+//! pixels fall from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
 use super::around::Surroundings;
 use crate::cpu::{Form, Kernel, Lanes};
@@ -14,22 +14,22 @@ use crate::format::LabelItems;
 use crate::geom::dot;
 use crate::load::{CellItems, ModelView, NodeView};
 
-/// Places for neighbours: 27 and some that stay empty, in whole groups of [`LANES`].
+/// Slots for neighbours: 27 and some that stay empty, in whole groups of [`LANES`].
 const SLOTS: usize = 32;
 const LANES: usize = 8;
 
-/// Distance along an axis at which a cell does not count, in cells.
+/// Distance along an axis at which a cell's weight is zero, in cells.
 const REACH: f32 = 1.5;
-/// Stand-in for the hit's distance from the plane of a cell that has none.
+/// Assumed distance of the hit from a cell without a plane.
 const WITH_CORNERS: f32 = 0.25;
-/// Cosine between normals up to which a cell does not count, and the rise from there to where it counts in full.
+/// Cosine between normals up to which a cell's weight is zero, and the rise from there to full weight.
 const APART: f32 = 0.3;
 const TO_ALIKE: f32 = 0.5;
 
-/// Neighbourhoods that a worker keeps.
+/// Cached neighbourhoods of a worker.
 const KEPT: usize = 64;
 
-/// From the middle of the cell that was hit to the middles of the others, axis by axis.
+/// Vectors from the middle of the hit cell to the middles of the others, axis by axis.
 const MIDDLES: [[f32; SLOTS]; 3] = {
     let mut middles = [[0.0; SLOTS]; 3];
     let mut slot = 0;
@@ -45,24 +45,24 @@ const MIDDLES: [[f32; SLOTS]; 3] = {
     middles
 };
 
-/// Which cell was hit, and where it is taken to lie: rounding may put the point beside it.
+/// Key of a neighbourhood: the hit cell, and its assumed position, as rounding may put the point beside it.
 type Key = (u64, [i64; 3], [i32; 3]);
 
-/// The cells around one.
+/// The cells around a cell.
 #[derive(Clone, Debug)]
 struct Neighbourhood {
     key: Key,
     /// Unit normals.
     normal: [[f32; SLOTS]; 3],
-    /// Where the plane lies: its distance from the cell's middle along the normal.
+    /// Position of the plane: its distance from the cell's middle along the normal.
     offset: [f32; SLOTS],
     /// 1 for a cell with a plane, 0 for one with corners.
     has_plane: [f32; SLOTS],
-    /// By how alike the normal is; 0 where there is no cell.
+    /// Similarity of the normal; 0 for an empty slot.
     alike: [f32; SLOTS],
 }
 
-/// The neighbourhoods that a worker met last; empty until the first. Memory: 60 KiB.
+/// The neighbourhoods used last by a worker; empty until the first. Memory: 60 KiB.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Neighbourhoods(Vec<Neighbourhood>);
 
@@ -86,7 +86,7 @@ impl Neighbourhood {
         *self = Self { key, ..Self::NOWHERE };
         let own = own.map(|c| c as f32);
         let nodes = view.node_count();
-        // Between labels those of one wall count, and where several meet those that are alike.
+        // Between labels cells of the same wall count, and where several walls meet, similar cells.
         let hit = key.0.wrapping_sub(nodes);
         let labels = view.labels().filter(|_| cells.has_walls());
         let wall = labels.and_then(|labels| cells.wall(hit).and_then(|_| labels.pair(hit)));
@@ -126,7 +126,7 @@ struct Mean<'a> {
 impl Kernel for Mean<'_> {
     type Output = [f32; 3];
 
-    // Lane by lane, and lanes together in the end: every form adds in one order.
+    // Lane by lane, and finally across lanes: every form adds in one order.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
     fn run(self, _: impl Lanes) -> [f32; 3] {
@@ -155,7 +155,7 @@ impl Kernel for Mean<'_> {
     }
 }
 
-/// The normal that is shown at a point of the grid within a cell, in index space; `own` is the hit's, of any length.
+/// The displayed normal at a point of the grid within a cell, in index space; `own` is the hit's, of any length.
 pub(super) fn smooth(
     (view, cells): (&ModelView<'_>, CellItems<'_>),
     around: &mut Surroundings,

@@ -28,7 +28,7 @@ impl BitVolume {
         (depth <= Self::MAX_DEPTH).then(|| Self { depth, words: vec![0; words] })
     }
 
-    /// Decodes an octree, or `None` when it is too deep. Cost: one look at every node.
+    /// Decodes an octree; `None` when it is too deep. Cost: one read of every node.
     pub fn decode<V: NodeView>(view: &V) -> Option<Self> {
         let mut volume = Self::new(view.depth())?;
         if view.voxel_count() == 0 {
@@ -67,7 +67,7 @@ impl BitVolume {
         }
     }
 
-    /// Is the cell skin? Outside the grid nothing is.
+    /// True if the cell is skin; false outside the grid.
     pub fn get(&self, cell: [u32; 3]) -> bool {
         self.index(cell).and_then(|at| self.words.get(at / 64).map(|w| w >> (at % 64) & 1)) == Some(1)
     }
@@ -100,7 +100,7 @@ pub fn walk(
     })
 }
 
-/// [`walk`] through a grid of 2^depth cells a side, to the first one that `is_met`.
+/// [`walk`] through a grid of 2^depth cells a side, to the first cell that `is_met`.
 fn walk_until(
     depth: u32,
     ray: &Ray,

@@ -1,5 +1,5 @@
-//! The reference for cells and larger leaves: the walk from cell to cell, and at each box that it comes to the plane there, in
-//! exact fractions.
+//! The reference for cells and larger leaves: the walk from cell to cell, with the plane of each box that it comes to,
+//! in exact fractions.
 //!
 //! Cost: some 10 us a ray in a grid of 512^3.
 
@@ -18,12 +18,12 @@ use super::{CELL, walk_until};
 struct Around {
     low: [u32; 3],
     edge_log2: u32,
-    /// Number of the box; `None` where it is empty.
+    /// Number of the box; `None` for an empty one.
     number: Option<u64>,
 }
 
 impl Around {
-    /// The largest box that holds a cell and is empty, a larger leaf, or the cell.
+    /// The largest box that holds a cell and is empty, a larger leaf, or the cell itself.
     fn of(view: &ModelView<'_>, cell: [u32; 3]) -> Self {
         let (mut node, mut level) = (NodeIndex::ROOT, view.depth());
         let found =
@@ -48,8 +48,8 @@ impl Around {
     }
 }
 
-/// Number of the cell or larger leaf in which a ray first meets the inside: by exact fractions, but in cells with corners by the
-/// arithmetic of the traversal. The view is of cells.
+/// Number of the cell or larger leaf in which a ray first meets the inside: by exact fractions, except that cells with
+/// corners use the arithmetic of the traversal. The view must be of cells.
 pub fn first_box(view: &ModelView<'_>, ray: &Ray) -> Option<u64> {
     let items = view.cells()?;
     let cells = Cells::new(items);
@@ -83,7 +83,7 @@ pub fn first_box(view: &ModelView<'_>, ray: &Ray) -> Option<u64> {
     met
 }
 
-/// Does a ray come to be behind a plane within its box? `n / d` with d > 0 is the time at which it enters, or leaves.
+/// True if a ray comes to be behind a plane within its box. Times `n / d` have d > 0.
 fn meets(plane: &Plane, ray: &Ray, around: &Around) -> bool {
     let (origin, direction) = (ray.origin().map(i128::from), ray.direction().map(i128::from));
     let edge = 1_i128 << around.edge_log2;

@@ -1,9 +1,9 @@
 //! The rays of a tile as one beam: their common part, and their differences.
 //!
-//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: how far p is from
-//! the ray in the projection onto a and b. A square of edge 1 around p is intersected by the ray's line if and
-//! only if `|e| <= (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the
-//! pixel, so its extremes are those of four corners.
+//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: the distance of p from the ray
+//! in the projection onto a and b. A square of edge 1 around p is intersected by the ray's line if and only if `|e| <=
+//! (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the pixel, so its extremes are at
+//! the four corners.
 
 use crate::cpu::{Lanes, SINGLES, Truths};
 use crate::format::cell::Plane;
@@ -22,11 +22,11 @@ pub const TILE: usize = 8;
 /// Rays of a tile.
 pub const RAYS: usize = TILE * TILE;
 
-/// Rows of a tile's rays that fill the lanes of singles.
+/// Blocks of a tile's rays that fill the lanes of singles.
 const BLOCKS: usize = RAYS / SINGLES;
 
-/// Directions within this part of the longest component count as along the axis' plane: their exact
-/// integers are 0. Those above [`SURELY_MOVES`] have integers that are not 0.
+/// Directions within this part of the longest component count as parallel to the axis' plane: they have the exact
+/// integer 0. Those above [`SURELY_MOVES`] have other integers.
 const SURELY_STILL: f64 = 1.0 / (1_u64 << 33) as f64;
 pub(super) const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
 
@@ -34,33 +34,33 @@ pub(super) const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
 const COLUMN: [f32; SINGLES] = [0., 1., 2., 3., 4., 5., 6., 7., 0., 1., 2., 3., 4., 5., 6., 7.];
 const ROW: [f32; SINGLES] = [0., 0., 0., 0., 0., 0., 0., 0., 1., 1., 1., 1., 1., 1., 1., 1.];
 
-/// The part that is the same for all boxes that a beam is compared with. Mirrored coordinates, in edges of the
-/// finest boxes; directions are scaled to at most 1.
+/// The part common to all boxes that a beam is compared with. Mirrored coordinates, in edges of the finest boxes;
+/// directions are scaled to at most 1.
 pub(super) struct Beam<L: Lanes> {
     pub(super) lanes: L,
-    /// Axes that are mirrored.
+    /// Mask of the mirrored axes.
     pub(super) mirror: u32,
-    /// Origin and its change with x and y; the same of the direction.
+    /// Origin and its change with x and y; direction in the same form.
     origin: [[f64; 3]; 3],
     direction: [[f64; 3]; 3],
-    /// For each pair, what a moving origin adds to the change of e with x and y.
+    /// For each pair, the contribution of a moving origin to the change of e with x and y.
     shift: [[f64; 2]; 3],
-    /// For each pair: cells of a plane are intersected by some ray only if `-max e <= upper` and
-    /// `lower <= -min e`, e being that of the plane's middle.
+    /// For each pair: cells of a plane are intersected by some ray only if `-max e <= upper` and `lower <= -min e`,
+    /// with e at the plane's middle.
     upper: [L::F; 3],
     lower: [L::F; 3],
-    /// Where the rays start, if some box may lie behind one.
+    /// Starts of the rays, if some box may lie behind one.
     starts: Option<Starts>,
-    /// How far e of a box near some ray may be off.
+    /// Error bound of e at a box near some ray.
     slack: f32,
-    /// The same of an origin, by axis.
+    /// Error bound of an origin, by axis.
     start_slack: [f64; 3],
     /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
 }
 
-/// Least and greatest origin of a beam's rays by axis, each moved outwards by [`SLACK`]. Along an axis that the rays
-/// do not move along both are beyond all boxes, so that it decides nothing.
+/// Least and greatest origin of a beam's rays by axis, each moved outwards by [`SLACK`]. For an axis without motion
+/// both are beyond all boxes, so that it decides nothing.
 #[derive(Clone, Copy)]
 struct Starts {
     least: [f64; 3],
@@ -68,7 +68,7 @@ struct Starts {
 }
 
 impl Starts {
-    /// Does a box with this low corner lie beyond all origins along some axis? Then no point of it, and of no box
+    /// True if a box with this low corner lies beyond all origins along some axis. Then no point of it, and of no box
     /// within it, is behind a ray that passes through it.
     #[inline(always)]
     fn are_before(&self, low: [u32; 3]) -> bool {
@@ -76,12 +76,12 @@ impl Starts {
     }
 }
 
-/// What is sure of a tile's rays and a plane in a box, as bits.
+/// Certain results of a tile's rays for a plane in a box, as bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sides {
     /// Rays that meet the plane within the box.
     pub(super) within: u64,
-    /// Rays of which nothing is sure.
+    /// Rays without a certain result.
     pub(super) unsure: u64,
 }
 
@@ -101,7 +101,7 @@ impl Rays {
     }
 }
 
-/// Least and greatest of an affine function of the pixel, by axis.
+/// Least and greatest value of an affine function of the pixel, by axis.
 #[inline(always)]
 fn extremes(v: &[[f64; 3]; 3]) -> [(f64, f64); 3] {
     let last = (TILE - 1) as f64;
@@ -111,14 +111,14 @@ fn extremes(v: &[[f64; 3]; 3]) -> [(f64, f64); 3] {
     })
 }
 
-/// How far e may be off anywhere in the grid, and half a brick's projection, where origins and directions of at most 1
-/// are off; `reach` is how far the origin of pixel (0, 0) is from a point of the grid at most.
+/// Error bound of e anywhere in the grid, and of half a brick's projection, for errors of origins and of directions of
+/// at most 1; `reach` is the greatest distance of the origin of pixel (0, 0) from a point of the grid.
 #[inline(always)]
 fn off_lines(reach: [f64; 3], origin: &[[f64; 3]; 3], off_origin: [f64; 3], off_direction: [f64; 3]) -> f64 {
     let last = (TILE - 1) as f64;
     let far = each3!(A => {
         let moved = last * (origin[1][A].abs() + origin[2][A].abs()) + off_origin[A];
-        // Of a brick, both half edges.
+        // Both half edges of a brick.
         (reach[A] + moved).max(4.0)
     });
     PAIRS.iter().fold(0.0_f64, |m, (a, b)| {
@@ -150,7 +150,7 @@ impl<L: Lanes> Beam<L> {
         let (mut origin, mut direction) = (pencil.origin, pencil.direction);
         let range: [(f64, f64); 3] = extremes(&direction);
         let longest = range.iter().fold(0.0_f64, |m, r| m.max(r.1).max(-r.0));
-        // Of every ray some component is at least this long.
+        // Every ray has a component at least this long.
         let shortest = range.iter().fold(0.0_f64, |m, r| m.max(r.0).max(-r.1));
         let (mut mirror, mut still) = (0, [false; 3]);
         for a in 0..3 {
@@ -159,9 +159,9 @@ impl<L: Lanes> Beam<L> {
             } else if range[a].0 > -SURELY_STILL * shortest && range[a].1 < SURELY_STILL * shortest {
                 still[a] = true;
             } else if range[a].0 > SURELY_MOVES * longest {
-                // It surely moves forwards.
+                // It certainly moves forwards.
             } else {
-                // What is not a number is not sure either.
+                // NaN is uncertain as well.
                 return None;
             }
         }
@@ -261,7 +261,7 @@ impl<L: Lanes> Beam<L> {
         })
     }
 
-    /// Those of the 4 x 4 x 4 boxes with an edge of `2^edge` from `low` on that some ray may intersect.
+    /// Mask of the 4 x 4 x 4 boxes with an edge of `2^edge` from `low` on that some ray may intersect.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
     pub(super) fn intersected(&self, low: [u32; 3], edge: u32) -> u64 {
@@ -288,8 +288,8 @@ impl<L: Lanes> Beam<L> {
         boxes
     }
 
-    /// Which of the rays `live` may intersect the brick of finest boxes at `low`; what
-    /// [`Beam::intersected_by`] then gives is about this brick.
+    /// Mask of the rays `live` that may intersect the brick of finest boxes at `low`; [`Beam::intersected_by`] then
+    /// refers to this brick.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
     pub(super) fn meets(&self, rays: &mut Rays, low: [u32; 3], live: u64) -> u64 {
@@ -315,14 +315,14 @@ impl<L: Lanes> Beam<L> {
         bits & live
     }
 
-    /// May a box of the brick at `low` lie behind a ray?
+    /// True if a box of the brick at `low` may lie behind a ray.
     #[inline(always)]
     pub(super) fn may_be_behind(&self, low: [u32; 3]) -> bool {
         self.starts.is_some_and(|starts| !starts.are_before(low))
     }
 
-    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect; `may_be_behind` is that
-    /// of the brick.
+    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect; `may_be_behind` is the
+    /// brick's [`Beam::may_be_behind`].
     #[inline(always)]
     pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3], may_be_behind: bool) -> u64 {
         let l = self.lanes;
@@ -351,8 +351,8 @@ impl<L: Lanes> Beam<L> {
         Affines::new(&self.direction, &e, self.slack)
     }
 
-    /// What is sure of the rays `live` and the plane of a larger leaf no part of which is behind a ray, as
-    /// [`crate::render::pairs`] has it; in edges of the leaf, in which estimates are not farther off than in those of the
+    /// Certain results of the rays `live` for the plane of a larger leaf that is nowhere behind a ray, as in
+    /// [`crate::render::pairs`]; in edges of the leaf, in which estimates are at most as far off as in edges of the
     /// finest boxes.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]

@@ -1,7 +1,7 @@
-//! The exact rays of a tile, made row by row when the first of a row is asked for.
+//! The exact rays of a tile, made row by row when the first of a row is needed.
 //!
-//! For surfaces that are not solid: each box that a ray may pass through is looked at once, with the ray's own
-//! integers as doubles. What is certain from that is taken; the rest is decided by integers, one ray alone.
+//! For surfaces that are not solid: each box that a ray may pass through is tested at once, with the ray's own integers
+//! as doubles. Certain results are taken; the rest is decided by integers, one ray alone.
 
 use crate::cpu::{DOUBLES, Lanes, Truths};
 use crate::render::cells::{larger, smaller};
@@ -13,32 +13,32 @@ use super::beam::{RAYS, TILE};
 use super::larger::Planes;
 use super::listed::Source;
 
-/// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
+/// Difference below which times may be equal: they are below 2^5 and come by two roundings.
 const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// Rays in mirrored coordinates, whole numbers as doubles.
+/// Rays in mirrored coordinates, integers as doubles.
 pub(super) struct ExactRays {
     origin: [[f64; RAYS]; 3],
     direction: [[f64; RAYS]; 3],
     t_start: [f64; RAYS],
     t_scale: [f64; RAYS],
-    /// Rows that are made, and rays that can be used.
+    /// Finished rows, and usable rays.
     rows: u32,
     valid: u64,
-    /// Those that move along all axes.
+    /// Rays that move along all axes.
     slanted: u64,
-    /// Of larger leaves.
+    /// Cached planes of larger leaves.
     pub(super) planes: Planes,
 }
 
-/// A box that a ray surely passes through.
+/// A box that a ray certainly passes through.
 pub(super) struct BoxEntry {
     pub(super) glance: Glance,
-    /// Axis of the face that it enters by.
+    /// Axis of the face of entry.
     pub(super) axis: usize,
 }
 
-/// Does a ray pass through a box?
+/// Result of testing a ray against a box.
 pub(super) enum Passing {
     Through(BoxEntry),
     Past,
@@ -59,13 +59,13 @@ impl ExactRays {
         }
     }
 
-    /// Forgets the rays of the tile before.
+    /// Forgets the rays of the previous tile.
     pub(super) fn clear(&mut self) {
         (self.rows, self.valid, self.slanted) = (0, 0, 0);
         self.planes = Planes::new();
     }
 
-    /// Makes the row of a ray, if that was not done yet.
+    /// Makes the row of a ray, unless it exists.
     #[inline(always)]
     pub(super) fn prepare<L: Lanes>(
         &mut self,
@@ -91,7 +91,7 @@ impl ExactRays {
                 origin[a] = far - origin[a];
                 direction[a] = zero - direction[a];
             }
-            // No direction against the mirror was estimated.
+            // Directions against the mirror were not estimated.
             valid = valid & l.d_le(zero, direction[a]);
             slanted = slanted & l.d_lt(zero, direction[a]);
         }
@@ -134,7 +134,7 @@ impl ExactRays {
         if self.slanted >> ray & 1 == 0 {
             return self.way_along_axes(ray, box_number, low, unit, mirror);
         }
-        // Without a branch until all is known: the last face crossed cannot be predicted.
+        // Without branches until the end: the last face crossed is unpredictable.
         let one_cell = f64::from(1_u32 << FRACTION_BITS);
         let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
         let direction = each3!(A => self.direction[A][ray]);
@@ -145,11 +145,11 @@ impl ExactRays {
         let (most, least) = (larger(into[0], into[1]), smaller(into[0], into[1]));
         let (enter, before) = (larger(most, into[2]), larger(least, smaller(most, into[2])));
         let leave = smaller(smaller(out[0], out[1]), out[2]);
-        // Whole numbers: a box is behind the ray when one of its far planes is.
+        // Integers: a box is behind the ray when one of its far planes is.
         if (enter > leave + SAME_TIME) | (leave <= 0.0) {
             return Passing::Past;
         }
-        // Ties, and rays that start in the box, are for the integers.
+        // Ties, and rays that start in the box, are left to the integers.
         if (enter + SAME_TIME < leave) & (before + SAME_TIME < enter) & (enter > SAME_TIME) {
             let axis = usize::from(into[1] == enter) + 2 * usize::from(into[2] == enter);
             let from_middle = each3!(A => -n[A] - 0.5 * edge);
@@ -160,7 +160,7 @@ impl ExactRays {
         Passing::Unsure
     }
 
-    /// [`ExactRays::way`] of rays that may stand still along an axis.
+    /// [`ExactRays::way`] of rays that may not move along an axis.
     #[inline(never)]
     fn way_along_axes(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Passing {
         let ray = ray % RAYS;
@@ -175,7 +175,7 @@ impl ExactRays {
         let mut direction = [0.0; 3];
         for a in 0..3 {
             let (d, n) = (self.direction[a][ray], f64::from(low[a]) * one_cell - self.origin[a][ray]);
-            // Whole numbers: behind the ray, or off one that does not move along the axis.
+            // Integers: the box is behind the ray, or off one that does not move along the axis.
             if n <= -edge || (d == 0.0 && n > 0.0) {
                 return Passing::Past;
             }
@@ -195,7 +195,7 @@ impl ExactRays {
         if enter > leave + SAME_TIME {
             return Passing::Past;
         }
-        // Ties, and rays that start in the box, are for the integers.
+        // Ties, and rays that start in the box, are left to the integers.
         if enter + SAME_TIME < leave && before + SAME_TIME < enter && enter > SAME_TIME {
             let approach = Approach { box_number, mirror, from_middle, direction };
             let glance = Glance { approach, enter, leave };
@@ -204,19 +204,19 @@ impl ExactRays {
         Passing::Unsure
     }
 
-    /// Parameter of a ray after `distance / component`, as [`crate::render::ray::Ray::t_after`].
+    /// Parameter of a ray after `distance / component`, equal to [`crate::render::ray::Ray::t_after`].
     #[inline(always)]
     pub(super) fn t_after(&self, ray: usize, distance: f64, component: f64) -> f64 {
         self.t_start[ray % RAYS] + distance / component * self.t_scale[ray % RAYS]
     }
 
-    /// Rays that can be used, of the rows that are made.
+    /// Usable rays among the finished rows.
     pub(super) fn valid(&self) -> u64 {
         self.valid
     }
 
-    /// Where the rays of a row meet planes within their cells: those of `planes`, in the cells of `lows`, as
-    /// [`super::planes::Pairs`] has them. The same whole numbers as of one box.
+    /// Hits of a row's rays with planes within their cells: the planes in `planes`, in the cells of `lows`, as in
+    /// [`super::planes::Pairs`]. The same integers as for one box.
     #[inline(always)]
     pub(super) fn meet_planes<L: Lanes>(
         &self,
@@ -229,7 +229,7 @@ impl ExactRays {
         let normal = each3!(A => l.d_field(planes, [0, 8, 16][A], 0xff) - l.d(128.0));
         let offset = l.d_field(planes, 24, 0xff) - l.d(128.0);
         let half_edge = l.d_field(lows, 48, 0xffff) * l.d(0.5);
-        // No normal has this component: the ray meets no plane.
+        // Normals never have this component: the ray meets no plane.
         let meets = l.d_lt(l.d(-127.5), normal[0]);
         let (mut start, mut component) = (l.d(0.0) - offset * half_edge * one_cell, l.d(0.0));
         for (a, shift) in [0, 16, 32].into_iter().enumerate() {
@@ -247,7 +247,7 @@ impl ExactRays {
         l.d_store(l.d_choose(meets, t, l.d_load(to)), to);
     }
 
-    /// From a ray to the low plane of a box along an axis, and its direction there.
+    /// Distance from a ray to the low plane of a box along an axis, and its direction there.
     #[inline(always)]
     pub(super) fn entry(&self, ray: usize, axis: usize, low: [u32; 3]) -> (f64, f64) {
         let (a, ray) = (axis % 3, ray % RAYS);

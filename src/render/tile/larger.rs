@@ -14,7 +14,7 @@ use super::listed::Source;
 use super::planes::{packed, packed_edge};
 use super::walk::Walk;
 
-/// Planes of the leaves looked at last: finding one counts up to 512 infobytes.
+/// Planes of the leaves used last: finding one counts up to 512 infobytes.
 pub(super) struct Planes([(u64, Plane); Self::KEPT]);
 
 impl Planes {
@@ -37,7 +37,7 @@ impl Planes {
 }
 
 impl<S: Surface, R: Source> Walk<'_, S, R> {
-    /// Asks a leaf about all rays of `live`; gives those that meet it.
+    /// Tests all rays of `live` against a leaf; returns those that hit it.
     #[inline(always)]
     pub(super) fn rays_of_leaf<L: Lanes>(
         &mut self,
@@ -65,7 +65,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         met
     }
 
-    /// These rays meet a leaf's plane within its box.
+    /// Records rays that meet a leaf's plane within its box.
     #[inline(always)]
     fn take(&mut self, leaf: &LargerLeaf, plane: &Plane, met: u64, mirror: u32, unit: u32) {
         let bytes = each3!(A => if mirror >> A & 1 == 1 { -plane.normal[A] } else { plane.normal[A] });
@@ -83,7 +83,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         }
     }
 
-    /// Does a ray meet a leaf? At a glance, and exactly where that does not do.
+    /// True if a ray hits a leaf: by an estimate, and exactly where that does not suffice.
     #[inline(always)]
     pub(super) fn look_at_leaf(&mut self, ray: usize, leaf: &LargerLeaf, unit: u32, mirror: u32) -> bool {
         let low = leaf.low.map(|c| c.wrapping_shl(unit));
@@ -104,7 +104,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         self.meet_leaf(ray, leaf.node, low, edge_log2)
     }
 
-    /// Asks a leaf about a ray in integers.
+    /// Tests a ray against a leaf in integers.
     #[cold]
     fn meet_leaf(&mut self, ray: usize, node: u64, low: [u32; 3], edge_log2: u32) -> bool {
         let Some(exact) = self.exact(ray) else { return false };

@@ -1,21 +1,22 @@
-//! How rays stand in an array, and which 64 of them are neighbours.
+//! Layout of rays in an array, and the groups of 64 neighbours.
 //!
-//! Rays of an image stand row by row. Where rows are about as far apart as rays of a row, tiles are squares of 8 x 8; where
-//! rows are far apart, as the rings of a fan are, 64 rays of a row; where rays of a row are, 64 rays of a column. Rays
-//! without rows count as one row.
+//! Rays of an image are stored row by row. Where rows are about as far apart as rays of a row, tiles are squares of 8 x
+//! 8; where rows are far apart, as in the rings of a fan, 64 rays of a row; where rays of a row are far apart, 64 rays
+//! of a column. Rays without rows count as one row.
 
 use super::beam::{RAYS, TILE};
 
-/// How many times as far as from the first ray to the second is to the first ray of the next row, at least.
+/// Least ratio of the distances from the first ray to the first ray of the next row and to the second ray.
 const JUMP: f64 = 4.0;
 
-/// How far a step from a ray to the next may differ from the first, as a part of that: of a fan's circle all are alike.
+/// Largest difference between a step from a ray to the next and the first step, as a part of that: on a fan's circle
+/// all are alike.
 const BEND: f64 = 0.5;
 
-/// A step from a ray to the next may be this part of the numbers that it is between: their rounding.
+/// Size of a step between rays, as a part of their coordinates, that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// How many times as far apart rows may be as rays of a row, or these as rows, in tiles that are squares.
+/// Largest ratio between the distances of rows and of rays in a row, either way, for square tiles.
 const UNEVEN: f64 = 4.0;
 
 /// Tiles in an array of rays.
@@ -32,7 +33,7 @@ pub(crate) struct Layout {
 pub(crate) struct ArrayTile {
     first: usize,
     layout: Layout,
-    /// Rays that no tile before has, as bits.
+    /// Mask of rays that are in no earlier tile.
     pub(crate) asked: u64,
 }
 
@@ -46,7 +47,7 @@ impl ArrayTile {
 }
 
 impl Layout {
-    /// How rays stand that come in rows of `columns`, if that is known.
+    /// Layout of rays that come in rows of `columns`, if that is known.
     pub(crate) fn of(origins: &[[f64; 3]], directions: &[[f64; 3]], columns: Option<usize>) -> Self {
         let rays = origins.len().min(directions.len());
         let columns = columns.or_else(|| row_of(origins, directions)).unwrap_or(rays).max(1);
@@ -72,8 +73,8 @@ impl Layout {
         Self { columns: columns.max(1), across: TILE }
     }
 
-    /// Rays of whole tiles, about `wanted` of them: arrays are cut there into parts that are traced apart. A remainder of
-    /// less than the second number belongs to the part before it.
+    /// Length of parts in whole tiles, about `wanted` rays: arrays are cut into parts that are traced separately. A
+    /// remainder shorter than the second number belongs to the previous part.
     #[cfg(any(test, feature = "python"))]
     pub(crate) fn part(self, wanted: usize) -> [usize; 2] {
         let Self { columns, across } = self;
@@ -84,8 +85,8 @@ impl Layout {
         [(wanted / band).max(1) * band, band]
     }
 
-    /// The tiles of an array, or of a part, of so many rays. The last tile of a row or column has some rays of the one
-    /// before it. Also the rays of no tile: those from the number on.
+    /// The tiles of an array, or of a part, of `rays` rays. The last tile of a row or column overlaps the previous one.
+    /// Also the number of the first ray that is in no tile.
     pub(crate) fn tiles(self, rays: usize) -> (impl Iterator<Item = ArrayTile>, usize) {
         let layout = Self { columns: self.columns.min(rays), ..self };
         let Self { columns, across } = layout;
@@ -110,7 +111,7 @@ impl Layout {
     }
 }
 
-/// From a ray to another one: the step, and how large it may be by rounding.
+/// Step from one ray to another, and its possible size by rounding.
 fn step(lines: &[[f64; 3]], before: usize, here: usize) -> Option<([f64; 3], f64)> {
     let (before, here) = (lines.get(before)?, lines.get(here)?);
     let size = here.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
@@ -121,7 +122,8 @@ fn size(step: [f64; 3]) -> f64 {
     step.iter().fold(0.0_f64, |m, c| m.max(c.abs()))
 }
 
-/// How many times as far the next row is as the next ray: by directions, or where these are all the same by origins.
+/// Ratio of the distances to the next row and to the next ray: by directions, or by origins where all directions are
+/// equal.
 fn rows_apart(origins: &[[f64; 3]], directions: &[[f64; 3]], ray: usize, columns: usize) -> Option<f64> {
     let ray = ray.min(origins.len().min(directions.len()).checked_sub(columns + 1)?);
     [directions, origins].into_iter().find_map(|lines| {
@@ -131,7 +133,7 @@ fn rows_apart(origins: &[[f64; 3]], directions: &[[f64; 3]], ray: usize, columns
     })
 }
 
-/// Rays of a row, if an array looks as if it were an image's: there directions or origins jump first, or turn.
+/// Rays of a row, if an array looks like an image's: there directions or origins first jump, or turn.
 fn row_of(origins: &[[f64; 3]], directions: &[[f64; 3]]) -> Option<usize> {
     let first = [step(origins, 0, 1)?.0, step(directions, 0, 1)?.0];
     (2..origins.len().min(directions.len())).find(|at| {

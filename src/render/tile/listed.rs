@@ -1,10 +1,10 @@
-//! Rays of an array that are neighbours: whether eight by eight of them make a tile, and the tile.
+//! Rays of an array that are neighbours: the fit of eight by eight of them to a tile.
 //!
 //! A tile's estimates need lines whose origins and directions are affine in the pixel. Directions of length 1 are not,
 //! but lines are the same if directions are divided by their part along the tile's mean direction, and those of a
-//! pinhole camera then are. So the affine functions that fit best are taken, and how far any of the 64 lines is from
-//! them within the grid is measured and added to the tile's slack; above [`MAX_OFF`] cells the rays go another way.
-//! Estimates only: what is hit is decided by the exact rays, as always.
+//! pinhole camera then are. So the best affine functions are fitted, and the largest distance of the 64 lines from them
+//! within the grid is measured and added to the tile's slack; above [`MAX_OFF`] cells the rays go another way. These
+//! are estimates only: hits are always decided by the exact rays.
 
 use crate::cpu::{DOUBLES, Form, Kernel, Lanes, Truths};
 use crate::geom::Affine;
@@ -14,11 +14,11 @@ use crate::render::space::GridSpace;
 
 use super::beam::{RAYS, SURELY_MOVES, TILE};
 
-/// How far a line may be from its estimate, in cells: a tile at this takes about 1.3 times as long as one at 0.
+/// Largest distance of a line from its estimate, in cells: a tile at this takes about 1.3 times as long as one at 0.
 pub(super) const MAX_OFF: f64 = 0.02;
 
-/// 64 rays in grid space, in rows of eight. Those of a line, or of a column, are affine in the row and the place in it,
-/// too.
+/// 64 rays in grid space, in rows of eight. Rays of a line, or of a column, are also affine in the row and the index in
+/// it.
 #[derive(Clone, Debug)]
 pub(crate) struct Listed {
     depth: u32,
@@ -26,15 +26,15 @@ pub(crate) struct Listed {
     direction: [[f64; RAYS]; 3],
 }
 
-/// Where the rays of a tile come from. Tiles are compiled for each apart: chosen at run time, skin took 8 % more.
+/// Source of a tile's rays. Tiles are compiled for each separately: with a choice at run time, skin took 8 % more.
 pub(super) trait Source: Copy {
-    /// Are rays that make no tile left to the caller?
+    /// True if rays that do not form a tile are left to the caller.
     const LEAVES: bool;
 
     /// Depth of the grid.
     fn depth(self) -> u32;
 
-    /// The rays as affine functions of the pixel counted from the tile's corner, where they are that nearly.
+    /// The rays as affine functions of the pixel counted from the tile's corner, if they are close to it.
     fn pencil<L: Lanes>(self, l: L, corner: (usize, usize)) -> Option<Pencil>;
 
     /// A row of the tile's rays.
@@ -90,21 +90,21 @@ impl Source for &Listed {
 
     fn ray(self, _: (usize, usize), ray: usize) -> Option<Ray> {
         let of = |values: &[[f64; RAYS]; 3]| each3!(A => values[A][ray % RAYS]);
-        // Rays that are refused were seen to before.
+        // Invalid rays were refused before.
         Ray::new(self.depth, of(&self.origin), of(&self.direction), 0.0).ok().flatten()
     }
 }
 
 impl Listed {
-    /// No rays yet.
+    /// A group without rays.
     pub(crate) const fn new(depth: u32) -> Self {
         Self { depth, origin: [[0.0; RAYS]; 3], direction: [[0.0; RAYS]; 3] }
     }
 
-    /// Takes the rays of a tile: their lines in the world are those of `numbers`.
+    /// Sets the rays of a tile: `numbers` selects their lines in the world.
     ///
     /// # Errors
-    /// Some ray is refused.
+    /// A ray is invalid.
     pub(crate) fn fill(
         &mut self,
         form: Form,
@@ -115,7 +115,7 @@ impl Listed {
         form.run(Fill { listed: self, matrix: space.world_to_grid(), lines, numbers })
     }
 
-    /// The affine functions that fit best, if they fit.
+    /// The best affine functions, if they fit.
     #[inline(always)]
     fn fitted<L: Lanes>(&self, l: L) -> Option<Pencil> {
         let mut totals = [l.d(0.0); 3];
@@ -225,7 +225,7 @@ fn greatest<L: Lanes>(l: L, values: L::D) -> f64 {
     lanes.into_iter().fold(f64::MIN, f64::max)
 }
 
-/// True if every axis has all rays run along it one way, or none at all. Beams rest on that.
+/// True if along every axis all rays move one way, or none moves. Beams rely on that.
 #[inline(always)]
 fn move_alike<L: Lanes>(l: L, directions: &[[f64; RAYS]; 3]) -> bool {
     let (mut longest, mut ranges) = (0.0_f64, [[0.0; 3]; 3]);
@@ -246,8 +246,8 @@ fn move_alike<L: Lanes>(l: L, directions: &[[f64; RAYS]; 3]) -> bool {
     })
 }
 
-/// The affine function of the pixel that fits best by least squares, as its value at pixel (0, 0) and its changes with x
-/// and y; and how far it is off at most.
+/// The affine function of the pixel that fits best by least squares, as its value at pixel (0, 0) and its changes with
+/// x and y; and its largest error.
 #[inline(always)]
 fn fitted<L: Lanes>(l: L, values: &[f64; RAYS]) -> (f64, f64, f64, f64) {
     /// Sum of squares of a pixel's distance from the tile's middle along an axis, over the tile.

@@ -13,9 +13,9 @@
 //! 1. **Two levels at once.** `occupancy` gives the 4 x 4 x 4 boxes below a node as 64 bits.
 //! 2. **Order for free.** In mirrored coordinates no ray runs backwards, so Morton order is front to back for
 //!    all of them, and the first hit is the lowest set bit of intersected and occupied.
-//! 3. **Boxes by three projections.** Three intervals on a line have a point in common if every two
-//!    have; so a line intersects a box if and only if it does so in the projections onto xy, xz and yz. Each is
-//!    a plane of 16 cells: one comparison of 16 lanes, extruded along the third axis to 64 bits.
+//! 3. **Boxes by three projections.** Three intervals on a line have a point in common if every two have; so a line
+//!    intersects a box if and only if it does so in the projections onto xy, xz and yz. Each is a plane of 16 cells:
+//!    one comparison of 16 lanes, extruded along the third axis to 64 bits.
 //! 4. **Estimates are wide, the decision is exact.** Nodes are estimated for the whole beam with singles that
 //!    start from doubles in the node; a slack of 2^-12 box (more where a pixel covers many boxes) covers their
 //!    rounding and that of the rays. What is left is decided once a ray in integers.
@@ -27,8 +27,8 @@
 //! 6. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!
-//! Arrays of rays that stand as an image's do make tiles, too: `listed` fits the affine functions that tiles need, and
-//! measures how far the rays are from them. With VBMI2, 1024^2 pixels of 512^3 samples: 10 to 14 M first hits a second,
+//! Arrays of rays with an image's layout also make tiles: `listed` fits the affine functions that tiles need, and
+//! measures the rays' distances from them. With VBMI2, 1024^2 pixels of 512^3 samples: 10 to 14 M first hits a second,
 //! 3.8 to 4.7 by [`super::batch`]. Coarse pictures fit less well and are left to that.
 //!
 //! The volume's box needs no test: a beam descends into occupied boxes only, so air around a flat volume
@@ -94,7 +94,7 @@ pub use beam::{RAYS, TILE};
 pub(crate) use layout::Layout;
 pub(crate) use listed::Listed;
 
-/// Which rays to trace, and how far down.
+/// The rays to trace, and the finest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// Column and row of the picture's pixel at the tile's top left.
@@ -106,7 +106,7 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// The rays to trace, as bits: ray `8 y + x` is that of column x and row y.
+    /// Mask of the rays to trace: ray `8 y + x` is at column x and row y.
     pub(crate) fn live(&self) -> u64 {
         let (columns, rows) = (self.limits.0.min(TILE), self.limits.1.min(TILE));
         let row = (1_u64 << columns) - 1;
@@ -117,17 +117,17 @@ impl Tile {
 /// The hits of a tile's rays.
 #[derive(Clone, Debug)]
 pub struct TileHits {
-    /// Rays that hit, as bits.
+    /// Mask of the rays that hit.
     hits: u64,
     number: [u64; RAYS],
     /// Lowest cell of the box in mirrored coordinates.
     low: [[f64; RAYS]; 3],
     t: [f64; RAYS],
-    /// Rays that enter by a face of axis x, y, z, as bits, and those that do so by the high one.
+    /// Masks of rays that enter by a face of axis x, y, z, and of those that enter by a high one.
     by_axis: [u64; 3],
     by_high: u64,
     steps: [u32; RAYS],
-    /// Axes that are mirrored, and the side of the grid.
+    /// Mask of the mirrored axes, and the side of the grid.
     mirror: u32,
     side: u32,
     /// Edge of each box as a power of two.
@@ -156,12 +156,12 @@ impl TileHits {
         self.steps = [0; RAYS];
     }
 
-    /// From here on coordinates are mirrored like this, and boxes have an edge of `2^edge_log2`.
+    /// Sets the mirror of all following coordinates, and the edge `2^edge_log2` of boxes.
     fn mirrored(&mut self, mirror: u32, side: u32, edge_log2: u32) {
         (self.mirror, self.side, self.edge_log2) = (mirror, side, [edge_log2.to_le_bytes()[0]; RAYS]);
     }
 
-    /// The coordinate along an axis of a ray's box, mirrored if that is; and back.
+    /// The coordinate of a ray's box along an axis, mirrored if the axis is; and back.
     fn mirror(&self, ray: usize, axis: usize, cell: u32) -> u32 {
         let edge = 1_u32.wrapping_shl(self.edge_log2[ray % RAYS].into());
         if self.mirror >> axis & 1 == 1 { self.side.wrapping_sub(edge).wrapping_sub(cell) } else { cell }
@@ -182,7 +182,7 @@ impl TileHits {
         }
     }
 
-    /// The hit of a ray in the coordinates of [`TileHits::mirrored`]; `axis` is that of the face.
+    /// Sets the hit of a ray in the coordinates of [`TileHits::mirrored`]; `axis` is the axis of the face.
     #[inline(always)]
     fn set_mirrored(&mut self, ray: usize, number: u64, low: [u32; 3], axis: Option<usize>, t: f64) {
         let ray = ray % RAYS;
@@ -197,7 +197,7 @@ impl TileHits {
         }
     }
 
-    /// The hits of a row that begins with ray `first`; numbers and cells are written already.
+    /// Sets the hits of a row that begins with ray `first`; numbers and cells are written already.
     #[inline(always)]
     fn set_row(&mut self, first: usize, hits: u32, entries: &prove::Entries) {
         self.hits |= u64::from(hits) << first;
@@ -209,7 +209,7 @@ impl TileHits {
         self.t.as_chunks_mut().0[first / TILE] = entries.t;
     }
 
-    /// Rays that hit, as bits: ray `8 y + x` is that of column x and row y.
+    /// Mask of the rays that hit: ray `8 y + x` is at column x and row y.
     #[inline]
     pub fn bits(&self) -> u64 {
         self.hits
@@ -273,7 +273,7 @@ impl Tracer {
         }
     }
 
-    /// Its form.
+    /// The tracer's form.
     pub(crate) fn form(&self) -> Form {
         self.form
     }
@@ -292,7 +292,7 @@ impl Tracer {
         self.trace_some(view, surface, sight, tile, u64::MAX)
     }
 
-    /// [`Tracer::trace`] for the rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
+    /// [`Tracer::trace`] for the rays whose bits in `asked` are set: ray `8 y + x` is at column x and row y.
     #[inline]
     pub(crate) fn trace_some<S: Surface>(
         &mut self,
@@ -306,8 +306,8 @@ impl Tracer {
         &self.hits
     }
 
-    /// [`Tracer::trace`] for the rays of `listed` that are bits of `asked`, at the finest level; and those rays, all of
-    /// them or none, if they do not make a tile and have to be traced in another way.
+    /// [`Tracer::trace`] for the rays of `listed` whose bits in `asked` are set, at the finest level; also returns
+    /// those rays, all or none, if they do not form a tile and have to be traced in another way.
     #[inline]
     pub(crate) fn trace_listed<S: Surface>(
         &mut self,

@@ -1,4 +1,4 @@
-//! A brick of cells with planes: all pairs of its cells and the rays near it at once, as `pairs` compares them.
+//! A brick of cells with planes: all pairs of its cells and the rays near it, compared at once by `pairs`.
 //!
 //! ```text
 //! rays near the brick --list--> pairs (ray, cell), the cells of a ray front to back
@@ -6,8 +6,8 @@
 //!   --from the last pair to the first--> what each ray meets first: written last, so no pair is asked for its ray's others
 //! ```
 //!
-//! A ray whose first pair that is not past is not sure goes on alone from there, box by box. The times of what is within
-//! are worked out at the tile's end, a row at a time: by the same whole numbers as box by box, so they have the same bits.
+//! A ray whose first pair other than past is unsure goes on alone from there, box by box. The times of hits within are
+//! computed at the tile's end, a row at a time: by the same integers as box by box, so they have the same bits.
 
 use crate::cpu::{Lanes, SINGLES};
 use crate::geom::NodeIndex;
@@ -21,7 +21,7 @@ use super::listed::Source;
 use super::walk::Walk;
 use super::words::Words;
 
-/// Pairs of a tile and a brick at most.
+/// Most pairs of a tile and a brick.
 const ROOM: usize = RAYS * LISTED;
 
 /// The pairs of a brick, and the planes that the rays of the tile have met.
@@ -30,17 +30,17 @@ pub(super) struct Pairs {
     rays: [u8; ROOM],
     /// Cells that a ray's line intersects, and the lowest one of each larger leaf.
     pub(super) boxes: [u64; RAYS],
-    /// For cells at the end of the model, and for larger leaves behind a brick's cells.
+    /// Buffer for cells at the end of the model, and for larger leaves behind a brick's cells.
     pub(super) room: BrickCodes,
     pub(super) leaf_places: [u8; 8],
     pub(super) words: Words,
-    /// Rays that meet a plane, as bits.
+    /// Mask of rays that meet a plane.
     pub(super) met: u64,
-    /// The plane, as [`crate::render::pairs::Compared`] has it, and its box, 16 bits an axis and for its edge; of other
-    /// rays 0.
+    /// The plane, as in [`crate::render::pairs::Compared`], and its box, 16 bits an axis and for its edge; 0 for other
+    /// rays.
     pub(super) planes: [u64; RAYS],
     pub(super) lows: [u64; RAYS],
-    /// Places of the cells.
+    /// Positions of the cells.
     pub(super) at: [u8; RAYS],
 }
 
@@ -60,26 +60,26 @@ impl Pairs {
         }
     }
 
-    /// Forgets the tile before.
+    /// Forgets the previous tile.
     pub(super) fn clear(&mut self) {
         self.met = 0;
         self.planes = [0; RAYS];
     }
 }
 
-/// Coordinates of a cell in 16 bits each: those of the grid are below 2^16.
+/// Coordinates of a cell in 16 bits each: coordinates of the grid are below 2^16.
 #[inline(always)]
 pub(super) fn packed(cell: [u32; 3]) -> u64 {
     u64::from(cell[0]) | u64::from(cell[1]) << 16 | u64::from(cell[2]) << 32
 }
 
-/// An edge as [`packed`] cells have it above them.
+/// An edge in the bits above [`packed`] cells.
 #[inline(always)]
 pub(super) fn packed_edge(edge_log2: u32) -> u64 {
     1_u64.wrapping_shl(48 + edge_log2)
 }
 
-/// [`packed`] places within a brick.
+/// [`packed`] positions within a brick.
 static PLACES: [u64; 64] = {
     let mut packed = [0; 64];
     let mut v = 0;
@@ -95,7 +95,7 @@ static PLACES: [u64; 64] = {
 };
 
 impl<S: Surface, R: Source> Walk<'_, S, R> {
-    /// [`Walk::rays_of_brick`] for a brick of the finest cells, nothing of which is behind a ray.
+    /// [`Walk::rays_of_brick`] for a brick of the finest cells that is nowhere behind a ray.
     #[inline(always)]
     pub(super) fn planes_of_brick<L: Lanes>(
         &mut self,
@@ -158,7 +158,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         *live &= !met;
     }
 
-    /// The planes of a brick whose first cell is `first`, those of its larger leaves behind those of its cells.
+    /// The planes of a brick whose first cell is `first`: of its cells, then of its larger leaves.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "at most 64 cells and leaves")]
     fn planes_in<L: Lanes>(&mut self, l: L, items: &CellItems<'_>, brick: &Brick, first: u64) -> Planes {
@@ -180,7 +180,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         planes
     }
 
-    /// Lists the pairs of the rays `near` a brick: how many there are, and rays of too many boxes, which are left out.
+    /// Lists the pairs of the rays `near` a brick: their number, and rays with too many boxes, which are left out.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rays are below 64")]
     fn list<L: Lanes>(&mut self, beam: &Beam<L>, brick: &Brick, low: [u32; 3], near: u64) -> (usize, u64) {
@@ -209,7 +209,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         (listed, crowded)
     }
 
-    /// Works out where the rays meet the planes that are listed; returns those of which the exact ray is not known.
+    /// Computes the hits of the rays with the listed planes; returns the rays whose exact ray is unknown.
     #[inline(always)]
     pub(super) fn planes_met<L: Lanes>(&mut self, l: L, mirror: u32, depth: u32) -> u64 {
         let met = self.pairs.met;
@@ -226,7 +226,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         met & !valid
     }
 
-    /// The edges of the boxes that these rays meet planes in.
+    /// Sets the edges of the boxes in which these rays meet planes.
     fn edges_of(&mut self, met: u64) {
         let mut rays = met;
         while rays != 0 {

@@ -1,6 +1,6 @@
 //! A row of candidates decided exactly: rays as integers, eight at a time.
 //!
-//! The conditions are those of `mirrored_ray`, the results those of [`Passage::entry_hit`].
+//! The conditions are the same as in `mirrored_ray`, the results equal [`Passage::entry_hit`].
 //!
 //! [`Passage::entry_hit`]: crate::render::surface::Passage::entry_hit
 
@@ -9,17 +9,17 @@ use crate::render::occupancy::PAIRS;
 use crate::render::ray::FRACTION_BITS;
 use crate::render::sight::Row;
 
-/// Where eight rays enter their boxes.
+/// Entries of eight rays into their boxes.
 pub(super) struct Entries {
-    /// Rays that enter theirs, as bits.
+    /// Mask of rays that enter their boxes.
     pub(super) proved: u32,
-    /// Rays that enter by a face of axis x, y, z, as bits; of no axis when a ray starts within its box.
+    /// Masks of rays that enter by a face of axis x, y, z; in none when a ray starts within its box.
     pub(super) by_axis: [u32; 3],
     /// Parameter of the entry.
     pub(super) t: [f64; DOUBLES],
 }
 
-/// 1.5 * 2^52: added to a whole number it leaves that number in the low bits.
+/// 1.5 * 2^52: adding it to an integer leaves that integer in the low bits.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// Decides whether each ray enters the box with the lowest cell `low` (mirrored, as doubles) and an edge of
@@ -54,7 +54,7 @@ pub(super) fn entries<L: Lanes>(
     let mut proved = row.valid;
     for a in 0..3 {
         let ahead = l.d_lt(l.d(-edge), distance[a]);
-        // No direction against the mirror was estimated.
+        // Directions against the mirror were not estimated.
         let along = l.d_le(zero, direction[a]) & (moves[a] | !positive[a]);
         proved = proved & ahead & along;
     }

@@ -15,9 +15,8 @@ use super::planes::Pairs;
 use super::prove::entries;
 use super::{Tile, TileHits};
 
-/// Bricks that a tile looks at before its remaining rays go on alone. Tiles of pixels about as wide as a
-/// box look at some 30; where a pixel covers many boxes rays share little. It also bounds the time that
-/// damaged bytes can take.
+/// Most bricks that a tile tests before its remaining rays go on alone. Tiles of pixels about as wide as a box test
+/// some 30; where a pixel covers many boxes rays share little. It also bounds the time that damaged bytes can take.
 const MAX_BRICKS: u32 = 1024;
 
 /// The walk of one tile, for any lanes.
@@ -26,7 +25,7 @@ pub(super) struct Walk<'a, S, R> {
     pub(super) surface: &'a S,
     pub(super) source: R,
     pub(super) tile: Tile,
-    /// The rays of it that are asked for, as bits.
+    /// Mask of its requested rays.
     pub(super) asked: u64,
     pub(super) rays: &'a mut Rays,
     pub(super) exact: &'a mut ExactRays,
@@ -140,8 +139,8 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         }
     }
 
-    /// Finds the box that each of the rays `near` meets first in a brick; returns the rays that meet one,
-    /// which live no longer.
+    /// Finds the box that each of the rays `near` hits first in a brick; returns the rays with a hit, which are no
+    /// longer live.
     #[inline(always)]
     fn rays_of_brick<L: Lanes>(
         &mut self,
@@ -196,7 +195,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         met
     }
 
-    /// Looks at boxes of the brick at `low`, whose first box has the number `first`, until a ray meets what is in one.
+    /// Tests boxes of the brick at `low`, whose first box has the number `first`, until a ray hits the content of one.
     #[inline(always)]
     pub(super) fn box_by_box<L: Lanes>(
         &mut self,
@@ -231,10 +230,10 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         false
     }
 
-    /// Looks at a box that a ray may pass through: at a glance, and exactly where that does not do.
+    /// Tests a box that a ray may pass through: by an estimate, and exactly where that does not suffice.
     #[inline(always)]
     fn look(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32, mirror: u32) -> bool {
-        // Boxes above the finest level are not the surface's to be looked at.
+        // The surface only tests boxes of the finest level.
         if unit == 0
             && let Some(approach) = self.exact.approach(ray, number, low, mirror)
         {
@@ -251,7 +250,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         self.look_again(ray, number, low, unit, mirror)
     }
 
-    /// Looks at a box by the times at which a ray passes through it.
+    /// Tests a box by the times at which a ray passes through it.
     #[inline(never)]
     fn look_again(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32, mirror: u32) -> bool {
         let intersected = match self.exact.way(ray, number, low, unit, mirror) {
@@ -259,7 +258,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             Passing::Unsure => return self.meet(ray, number, low, unit),
             Passing::Through(intersected) => intersected,
         };
-        // Boxes above the finest level are not the surface's to be looked at.
+        // The surface only tests boxes of the finest level.
         let looked =
             if unit == 0 { self.surface.look(self.view, &intersected.glance) } else { Estimate::Unsure };
         match looked {
@@ -297,7 +296,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         self.source.ray(self.tile.corner, ray)
     }
 
-    /// Decides the candidates row by row; returns those that are not entered by their rays.
+    /// Decides the candidates row by row; returns those that their rays do not enter.
     #[inline(always)]
     fn prove<L: Lanes>(&mut self, l: L, mirror: u32, candidates: u64, depth: u32, unit: u32) -> u64 {
         let mut failed = 0;

@@ -9,13 +9,13 @@
 //!
 //! # Slack
 //!
-//! The comparison is that of `pairs`; but a ray's direction and its e at the brick's middle are worked out from its column
-//! x and row y, both below 8, as `v = c + x p + y q`, with c, p and q rounded to singles and four operations. With u = 2^-24
-//! and m = |c| + 7 |p| + 7 |q|, the rounded numbers and the products move v by 2 u m at most, the two sums by 2 u m more. Of
-//! directions m is below 3 times the longest component, so that is below 2^-20. Of e, |v| is at most 5 near the brick, so
-//! m is below 5 + 14 (|p| + |q|), and 4 u m below `(8 + 14 change) 2^-21`, which the slack S of a beam holds for that
-//! rounding, `change` being the greatest |p| + |q|. So no e at a cell near the brick is off by more than S, nor is a
-//! component of d, which is all that the proof in `pairs` asks for.
+//! The comparison is that of `pairs`; but a ray's direction and its e at the brick's middle are computed from its
+//! column x and row y, both below 8, as `v = c + x p + y q`, with c, p and q rounded to singles and four operations.
+//! With u = 2^-24 and m = |c| + 7 |p| + 7 |q|, the rounded numbers and the products move v by 2 u m at most, the two
+//! sums by 2 u m more. For directions m is below 3 times the longest component, so that is below 2^-20. For e, |v| is
+//! at most 5 near the brick, so m is below 5 + 14 (|p| + |q|), and 4 u m below `(8 + 14 change) 2^-21`, which the slack
+//! S of a beam holds for that rounding, `change` being the greatest |p| + |q|. So at a cell near the brick e is off by
+//! at most S, and so is each component of d, which is all that the proof in `pairs` requires.
 
 use crate::cpu::{Lanes, SINGLES, Truths};
 use crate::geom::NodeIndex;
@@ -32,11 +32,11 @@ use super::walk::Walk;
 /// Pairs that are compared together: results are the bits of two integers.
 const BATCH: usize = 64;
 
-/// Bits of a pair's word: the ray, then the place of the cell, two bits an axis, and whether it is a larger leaf.
+/// Bits of a pair's word: the ray, then the position of the cell, two bits an axis, and the mark of a larger leaf.
 const PLACE: u32 = 8;
 const LARGER: u32 = 1 << 14;
 
-/// Words of places within a brick.
+/// Words of positions within a brick.
 static PLACES: [u32; 64] = {
     let mut words = [0; 64];
     let mut v = 0_u32;
@@ -54,11 +54,11 @@ static PLACES: [u32; 64] = {
 /// Pairs of a brick, a batch at a time. Memory: 1.2 KiB.
 #[repr(align(64))]
 pub(super) struct Words {
-    /// Planes at the places of their cells, as `Compared` has them, and words of the places.
+    /// Planes at the positions of their cells, as in `Compared`, and words of the positions.
     at: [[u32; 2]; 64],
     planes: [u32; BATCH],
     pairs: [u32; BATCH],
-    /// Rays of the batch, their first pair and how many they have.
+    /// Rays of the batch, with their first pair and number of pairs.
     rays: [[u8; 3]; RAYS],
     count: usize,
     listed: usize,
@@ -82,7 +82,7 @@ impl Affines {
     }
 }
 
-/// Sixteen pairs, as far as they are decided: bits of those past, and of those within.
+/// Certain results of sixteen pairs: bits of the pairs past, and of the pairs within.
 #[inline(always)]
 fn compare<L: Lanes>(
     l: L,
@@ -145,7 +145,7 @@ impl Words {
         (self.count, self.listed) = (0, 0);
     }
 
-    /// Puts the planes of a brick at their places, mirrored, from codes and offsets in stored order.
+    /// Puts the planes of a brick at their positions, mirrored, from codes and offsets in stored order.
     #[inline(always)]
     fn decode(&mut self, codes: &[[u8; 2]; 64], offsets: &[u8; 64], (stored, flip): (u64, u32)) {
         let mut words = [0; 64];
@@ -163,7 +163,7 @@ impl Words {
         }
     }
 
-    /// Adds the pairs of a ray and its boxes, of which there are at most [`LISTED`].
+    /// Adds the pairs of a ray and its boxes, at most [`LISTED`].
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "below 64")]
     fn list(&mut self, ray: usize, boxes: u64) {
@@ -180,7 +180,7 @@ impl Words {
         self.listed += 1;
     }
 
-    /// The pairs that are not past, and those within, as bits.
+    /// Masks of the pairs that are not past, and of those within.
     #[inline(always)]
     fn compared<L: Lanes>(&self, l: L, lines: &Affines, any_larger: bool) -> [u64; 2] {
         let (mut past, mut within) = (0, 0);
@@ -194,12 +194,12 @@ impl Words {
     }
 }
 
-/// A plane in a word: normal by axis, mirrored, and offset in a byte each, 128 more than they are.
+/// A plane in a word: normal by axis, mirrored, and offset in a byte each, plus 128.
 #[inline(always)]
 fn plane_word(code: [u8; 2], offset: u8, flip: u32) -> u32 {
     let least = |byte: u8| i32::from(byte.cast_signed()).max(-127);
     let (u, v) = (least(code[0]), least(code[1]));
-    // As `normal::decode_l1`.
+    // Same as `normal::decode_l1`.
     let (beside_u, beside_v) = (127 - u.abs(), 127 - v.abs());
     let z = beside_u - v.abs();
     let x = if z < 0 { if u < 0 { -beside_v } else { beside_v } } else { u };
@@ -212,7 +212,7 @@ fn plane_word(code: [u8; 2], offset: u8, flip: u32) -> u32 {
 }
 
 impl<S: Surface, R: Source> Walk<'_, S, R> {
-    /// [`Walk::rays_of_brick`] for a brick of the finest cells, nothing of which is behind a ray.
+    /// [`Walk::rays_of_brick`] for a brick of the finest cells that is nowhere behind a ray.
     #[inline(always)]
     pub(super) fn words_of_brick<L: Lanes>(
         &mut self,
@@ -271,7 +271,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         *live &= !met;
     }
 
-    /// Notes the first pair of each ray of a batch that is open: rays that surely meet its plane, and those that may.
+    /// Notes the first open pair of each ray of a batch: rays that certainly meet its plane, and those that may.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
     fn first_open(
@@ -310,7 +310,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         (sure, unsure)
     }
 
-    /// Puts the planes of a brick whose first cell is `first` at their places, those of its larger leaves too.
+    /// Puts the planes of a brick and of its larger leaves at their positions; the brick's first cell is `first`.
     #[inline(always)]
     fn decode(&mut self, items: &CellItems<'_>, brick: &Brick, first: u64) {
         let pairs = &mut *self.pairs;

@@ -1,4 +1,4 @@
-//! Attributes that images of a series are told apart by.
+//! Attributes that distinguish the images of a series.
 
 use std::fmt::{self, Display, Formatter};
 

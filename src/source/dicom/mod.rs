@@ -1,13 +1,13 @@
 //! DICOM series as volumes: a bounded header scanner, series assembly, native pixels by position.
 //!
-//! | folder | what it does |
+//! | folder | content |
 //! |---|---|
-//! | `attribute` | attributes that images are told apart by |
+//! | `attribute` | attributes that distinguish images |
 //! | `parse` | one file, element by element: [`scan`](fn@scan), [`DicomHeader`], [`visit`] |
 //! | `image` | the pixels of one file: [`Image`], [`PixelLayout`], [`unroll`](fn@unroll) |
-//! | `series` | the images of one series, and the volumes that they are: `DicomVolume` |
+//! | `series` | the images of one series, and their volumes: `DicomVolume` |
 //!
-//! Each sees those before it. What is found and cannot be read is named, not guessed at. The standard is cited
+//! Each sees those before it. Content that is found and cannot be read is named, not guessed at. The standard is cited
 //! as PS3.x.
 
 mod attribute;

@@ -1,6 +1,6 @@
 //! Amira and Avizo lattices (`.am`): a header in blocks of text, `@1`, raw samples of either byte order.
 //!
-//! `BoundingBox` leads from the middle of the first voxel to that of the last.
+//! `BoundingBox` gives the centres of the first and the last voxel.
 
 use std::path::Path;
 
@@ -38,7 +38,7 @@ pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dy
     Err(refused(path)(missing("where its samples begin (@1)")))
 }
 
-/// What follows a word, the first time that the next one fits.
+/// The words after `word`, at its first occurrence with a next word that fits.
 fn behind<'a>(words: &'a [String], word: &str, fits: impl Fn(&str) -> bool) -> Option<&'a [String]> {
     let mut pairs = words.windows(2);
     let at = pairs.position(|pair| pair[0] == word && fits(&pair[1]))?;

@@ -23,7 +23,7 @@ use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, SourceError, VolumeSource};
 
-/// What all of them state.
+/// Facts that all of these headers state.
 struct Headed {
     format: &'static str,
     size: [u64; 3],
@@ -68,7 +68,7 @@ impl Headed {
     }
 }
 
-/// Why a header is refused, before the file is named.
+/// Result whose error refuses a header, before the file is named.
 type Read<T, E = Fault> = std::result::Result<T, E>;
 
 fn missing(field: &'static str) -> Fault {
@@ -83,7 +83,7 @@ fn refused(path: &Path) -> impl Fn(Fault) -> SourceError + '_ {
     |fault| super::header::unusable(path, fault)
 }
 
-/// A type of whole numbers or floats of so many bits.
+/// The type of whole numbers or floats of `bits` bits.
 pub(super) fn sample_type(is_float: bool, signed: bool, bits: u64) -> Option<Samples> {
     Some(Samples::Plain(match (is_float, signed, bits) {
         (false, false, 8) => ScalarType::U8,
@@ -101,7 +101,7 @@ pub(super) fn sample_type(is_float: bool, signed: bool, bits: u64) -> Option<Sam
     }))
 }
 
-/// Millimetres of a unit's name, with a note where there is none, or one that is not known.
+/// Millimetres in a unit, by its name; with a note where the name is missing or unknown.
 fn scale(unit: Option<&str>, notes: &mut Vec<Note>) -> f64 {
     let unit = unit.map(|unit| unit.trim().trim_matches('"')).filter(|unit| !unit.is_empty());
     let Some(unit) = unit else {
@@ -114,7 +114,7 @@ fn scale(unit: Option<&str>, notes: &mut Vec<Note>) -> f64 {
     })
 }
 
-/// Axes along those of space, with the place of the first voxel.
+/// Affine with axes along those of space, and the place of the first voxel.
 fn upright(spacing: [f64; 3], origin: [f64; 3], scale: f64) -> Affine {
     let mut affine = Affine::from_spacing(spacing.map(|s| s * scale));
     (0..3).for_each(|axis| affine.rows[axis][3] = origin[axis] * scale);

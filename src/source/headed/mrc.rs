@@ -1,8 +1,7 @@
 //! MRC and CCP4 maps (<https://www.ccpem.ac.uk/mrc-format/mrc2014/>): 1024 bytes of 4-byte words, an extended header,
 //! samples.
-//!
-//! Lengths are in ångströms. `MAPC`, `MAPR` and `MAPS` say along which axes of the cell columns, rows and sections run;
-//! cells need not be rectangular. The place is `ORIGIN`, or where that is 0 the first column, row and section.
+//! Lengths are in ångströms. `MAPC`, `MAPR` and `MAPS` name the axes of the cell along which columns, rows and sections
+//! run; cells need not be rectangular. The place is `ORIGIN`, or where that is 0 the first column, row and section.
 
 use std::io::Read as _;
 use std::path::Path;
@@ -20,7 +19,7 @@ const MM: f64 = 1e-7;
 /// IMOD's mark, and its flag for signed bytes.
 const IMOD: i32 = 1_146_047_817;
 
-/// Gzipped or not.
+/// True for an MRC file, gzipped or not.
 pub(in crate::source) fn recognise(head: &[u8], path: &Path) -> bool {
     let mut plain = [0; HEADER];
     if is_packed(head) {
@@ -34,7 +33,7 @@ fn is_packed(head: &[u8]) -> bool {
     head.starts_with(b"\x1f\x8b")
 }
 
-/// True for the mark that files have had since 2000.
+/// True for a file with the mark that is written since 2000.
 fn is_marked(head: &[u8]) -> bool {
     head.get(208..211).is_some_and(|mark| mark == b"MAP")
 }
@@ -66,7 +65,7 @@ fn header(head: &[u8; HEADER], encoding: Encoding) -> Read<Headed> {
     let endian = match head[212] {
         0x44 if marked => Endian::Little,
         0x11 if marked => Endian::Big,
-        // Left out: of the two, the order in which the kind of samples makes sense.
+        // The byte order is left out: the one counts in which the kind of samples makes sense.
         _ if i32::from_le_bytes([head[12], head[13], head[14], head[15]]) < 256 => Endian::Little,
         _ => Endian::Big,
     };
@@ -114,7 +113,7 @@ fn header(head: &[u8; HEADER], encoding: Encoding) -> Read<Headed> {
         let along = cell_axes(real3(14)).ok_or_else(|| missing("the angles of its cell"))?;
         let axes = if order == [-1; 3] { [0, 1, 2] } else { order };
         let mut affine = Affine::from_spacing([1.0; 3]);
-        // Older files have other fields in the place of the origin.
+        // Older files have other fields where newer ones have the origin.
         let (origin, start) = (if marked { real3(50) } else { [0.0; 3] }, whole3(5));
         for axis in 0..3 {
             let k = usize::try_from(axes[axis])

@@ -48,7 +48,7 @@ fn skip_field(field: &str, lines: &mut Lines<'_>, path: &Path) -> Result<()> {
     while left > 0 {
         let line = lines.next().map_err(|cause| unreadable(path, cause))?;
         let Some(line) = line.map(|line| text(&line)) else { return Err(refused(path)(missing("FIELD"))) };
-        // Between arrays; an empty line ends it.
+        // Metadata may stand between arrays; an empty line ends it.
         in_metadata = (in_metadata || line == "METADATA") && !line.is_empty();
         if in_metadata || line.is_empty() {
             continue;
@@ -81,7 +81,7 @@ struct Fields {
 }
 
 impl Fields {
-    /// Takes a line; do samples follow?
+    /// Reads a line; returns true if samples follow it.
     fn line(&mut self, line: &str) -> Read<bool> {
         let mut words = line.split_whitespace();
         let keyword = words.next().unwrap_or_default().to_uppercase();

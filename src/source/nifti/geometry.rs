@@ -1,4 +1,4 @@
-//! Where voxels are, by the three methods of the NIfTI standard.
+//! Places of voxels, by the three methods of the NIfTI standard.
 
 use crate::geom::Affine;
 use crate::volume::Note;
@@ -12,7 +12,7 @@ pub(super) struct Placement {
     pub(super) units: i32,
     pub(super) qform_code: i32,
     pub(super) sform_code: i32,
-    /// b, c, d.
+    /// Components b, c, d of the quaternion.
     pub(super) quaternion: [f64; 3],
     /// Position of voxel (0, 0, 0) by the qform.
     pub(super) offset: [f64; 3],
@@ -113,7 +113,7 @@ impl Placement {
     }
 }
 
-/// Why an affine is not used.
+/// The note on an affine that is not used.
 fn unused(rows: &[[f64; 4]; 3], form: &str) -> Note {
     if rows.iter().flatten().all(|v| v.is_finite()) {
         Note::new(format!("the {form} of the header is singular and is not used"))
@@ -122,8 +122,8 @@ fn unused(rows: &[[f64; 4]; 3], form: &str) -> Note {
     }
 }
 
-/// Do two placements differ by more than singles and rounded quaternions do: by a hundredth of a step in
-/// directions or spacing, or half a step in position?
+/// True if two placements differ by more than singles and rounded quaternions do: by a hundredth of a step in
+/// directions or spacing, or half a step in position.
 fn differ(a: &[[f64; 4]; 3], b: &[[f64; 4]; 3]) -> bool {
     let step = |column: usize| a.iter().map(|row| row[column] * row[column]).sum::<f64>().sqrt();
     let smallest = (0..3).map(step).fold(f64::INFINITY, f64::min);

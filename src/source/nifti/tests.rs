@@ -75,7 +75,7 @@ fn the_sform_comes_before_the_qform_and_both_before_the_bare_spacing() {
     for (row, want) in info.affine.rows.iter().flatten().zip(expected.as_flattened()) {
         assert!((row - want).abs() < 1e-12, "{:?}", info.affine);
     }
-    // A singular one is passed over.
+    // A singular affine is passed over.
     (280..328).for_each(|at| bytes[at] = 0);
     let info = one(&bytes);
     assert!(info.notes.contains(&Note::new("the sform of the header is singular and is not used")));

@@ -1,4 +1,4 @@
-//! Axes of an NRRD header, and where they run in space.
+//! Axes of an NRRD header, and their directions in space.
 
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
@@ -18,7 +18,7 @@ fn is_kind(kind: &str) -> bool {
         || ENDINGS.iter().any(|end| kind.ends_with(end))
 }
 
-/// Where samples are in the cells of an axis; the last two do not say it.
+/// Places of samples in the cells of an axis; the last two leave it open.
 const CENTERS: [&str; 4] = ["cell", "node", "???", "none"];
 
 /// One axis.
@@ -26,11 +26,11 @@ const CENTERS: [&str; 4] = ["cell", "node", "???", "none"];
 pub(super) struct Axis {
     pub(super) size: u64,
     pub(super) kind: String,
-    /// Does it run in space?
+    /// True if it runs in space.
     pub(super) spatial: bool,
 }
 
-/// The fields that say where voxels are.
+/// The fields that place voxels.
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     space: String,
@@ -77,7 +77,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// The axes with their sizes; those without a direction where others have one are not in space.
+    /// The axes with their sizes. Where some axes have a direction, those without one are not in space.
     pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, Fault> {
         for (field, entries) in [
             ("space directions", self.directions.len()),
@@ -137,7 +137,7 @@ impl Geometry {
         Ok(affine)
     }
 
-    /// From `space directions` and `space origin`.
+    /// Fills the affine from `space directions` and `space origin`.
     fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), Fault> {
         let (signs, known) = signs(&self.space);
         if !known {
@@ -170,7 +170,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// From `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
+    /// Fills the affine from `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
     fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) {
         let finite = |list: &[f64], at: usize| list.get(at).copied().filter(|v| v.is_finite());
         let wrong = |list: &[f64], at: usize| list.get(at).copied().filter(|v| !v.is_finite());
@@ -219,7 +219,7 @@ impl Geometry {
     }
 }
 
-/// Signs that turn a space's coordinates into LPS, and whether it is a patient's at all.
+/// Signs that turn a space's coordinates into LPS, and true for a patient's space.
 fn signs(space: &str) -> ([f64; 3], bool) {
     let name = space.strip_suffix("-time").unwrap_or(space);
     match name {

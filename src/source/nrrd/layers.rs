@@ -12,10 +12,10 @@ use crate::volume::{
     settle_overlaps,
 };
 
-/// Where the samples of a voxel's layers lie.
+/// Order in which the samples of a voxel's layers are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
-    /// One after the other.
+    /// The samples of all layers follow each other at each voxel.
     Together,
     /// Each layer is a volume, one after the other.
     Apart,
@@ -34,14 +34,14 @@ pub(super) struct Layers {
     pub(super) count: u64,
     pub(super) order: Order,
     pub(super) labels: Vec<StatedLabel>,
-    /// By layer and value.
+    /// Segments, by layer and value.
     pub(super) segments: Vec<Layered>,
     pub(super) overlap: Overlap,
 }
 
-/// A map of labels out of layers.
+/// A map of labels made of layers.
 ///
-/// Memory: a row of all layers for each thread. Cost: the layers are read once more than the map, to count what overlaps.
+/// Memory: a row of all layers for each thread. Cost: the layers are read once more than the map, to count overlaps.
 pub(super) struct LayeredMap {
     source: Box<dyn VolumeSource>,
     info: VolumeInfo,
@@ -50,7 +50,7 @@ pub(super) struct LayeredMap {
 }
 
 impl LayeredMap {
-    /// The map of the layers in `source`, which has all of them along x or z; sides are those of one layer.
+    /// The map of the layers in `source`, which has all of them along x or z; `dims` is the size of one layer.
     pub(super) fn new(source: Box<dyn VolumeSource>, dims: Dims, layers: Layers) -> Self {
         let mut info = VolumeInfo { dims, scalar: ScalarType::U16, ..source.info().clone() };
         info.description.labels.clone_from(&layers.labels);
@@ -162,7 +162,7 @@ impl VolumeSource for LayeredMap {
             let labels = row.as_chunks_mut::<2>().0;
             self.for_each_in([z, y], &cols, &mut staged, |at, number| {
                 let held: u16 = bytemuck::pod_read_unaligned(&labels[at]);
-                // In the order of their numbers.
+                // The numbers decide, not the order of layers.
                 if held == 0 || (number < held) == first {
                     labels[at].copy_from_slice(bytemuck::bytes_of(&number));
                 }

@@ -7,10 +7,10 @@ use crate::fault::Fault;
 use crate::source::header::{exactly, number};
 use crate::volume::StatedLabel;
 
-/// Most segments that are taken: as many as there are numbers of labels.
+/// Most segments that are taken: as many as numbers of labels.
 const MAX_SEGMENTS: usize = 1 << 16;
 
-/// One segment, as far as it is stated.
+/// One segment, as far as the header states it.
 #[derive(Debug, Default)]
 struct Segment {
     name: String,
@@ -25,7 +25,7 @@ struct Segment {
 #[derive(Debug, Default)]
 pub(super) struct Segments {
     by_place: BTreeMap<u32, Segment>,
-    /// Does the header say that it is that of a segmentation?
+    /// True if the header declares a segmentation.
     is_stated: bool,
 }
 
@@ -33,10 +33,10 @@ pub(super) struct Segments {
 pub(super) type Layered = (u64, u16, u16);
 
 impl Segments {
-    /// Takes a pair, its key in lower case; pairs that say nothing of a segment are passed over.
+    /// Takes a pair, its key in lower case; pairs about other things are passed over.
     ///
     /// # Errors
-    /// A number is not one.
+    /// The text of a number is not a number.
     pub(super) fn pair(&mut self, key: &str, value: &str) -> Result<(), Fault> {
         self.is_stated |= key.starts_with("segmentation_");
         let Some((place, what)) = key.strip_prefix("segment").and_then(|rest| rest.split_once('_')) else {
@@ -60,12 +60,12 @@ impl Segments {
         Ok(())
     }
 
-    /// Is this the header of a segmentation?
+    /// True for the header of a segmentation.
     pub(super) fn is_stated(&self) -> bool {
         self.is_stated
     }
 
-    /// The segments that have a number, by it; of several with one number the first.
+    /// The segments that have a number, in its order; of several with one number the first.
     pub(super) fn labels(self) -> Vec<StatedLabel> {
         let mut labels: Vec<StatedLabel> =
             self.by_place.into_values().filter_map(|segment| Some(segment.label(segment.number?))).collect();
@@ -74,8 +74,8 @@ impl Segments {
         labels
     }
 
-    /// The segments of several layers, whose values count within their layers: their labels, and where they are. Numbers
-    /// are the values, unless two segments share one: then they count the segments from 1 on.
+    /// The segments of several layers, whose values count within their layers: their labels, and where they are.
+    /// Numbers are the values, unless two segments share one: then they count the segments from 1 on.
     pub(super) fn layered(self) -> (Vec<StatedLabel>, Vec<Layered>) {
         let mut places: Vec<(Segment, u16)> =
             self.by_place.into_values().filter_map(|s| s.number.map(|value| (s, value))).collect();
@@ -108,8 +108,8 @@ impl Segment {
     }
 }
 
-/// What the code of a terminology entry means, after its modifier: `TerminologyEntry:context~category~type~modifier~...`
-/// in a list separated by bars, each code `scheme^value^meaning`.
+/// Meaning of the code of a terminology entry, after its modifier:
+/// `TerminologyEntry:context~category~type~modifier~...` in a list separated by bars, each code `scheme^value^meaning`.
 fn meaning(tags: &str) -> Option<String> {
     let entry = tags.split('|').find_map(|tag| tag.trim().strip_prefix("TerminologyEntry:"))?;
     let mut codes = entry.split('~').skip(2).map(|code| code.splitn(3, '^').nth(2).unwrap_or("").trim());

@@ -9,7 +9,7 @@ use super::Samples;
 use crate::source::files::FileSet;
 use crate::volume::{Endian, Result, SourceError, SourceFault, VolumeInfo, check_request, read_block};
 
-/// Where the slices of a volume begin.
+/// Offsets of the slices of a volume.
 #[derive(Clone, Debug)]
 pub(in crate::source) enum SliceOffsets {
     /// Every file holds the same number of slices side by side.
@@ -56,7 +56,7 @@ impl DirectSamples {
         self.files.list().path(self.offset_of(info, z).map_or(0, |(file, _)| file))
     }
 
-    /// As [`crate::volume::VolumeSource::read_rows`].
+    /// Like [`crate::volume::VolumeSource::read_rows`].
     pub(in crate::source) fn read_rows(
         &self,
         info: &VolumeInfo,
@@ -82,8 +82,8 @@ impl DirectSamples {
         Ok(())
     }
 
-    /// As [`crate::volume::VolumeSource::read_pitched`]: whole rows in one call where nothing has to be
-    /// turned into something else.
+    /// Like [`crate::volume::VolumeSource::read_pitched`]: whole rows in one call where samples are delivered as
+    /// stored.
     pub(in crate::source) fn read_pitched(
         &self,
         info: &VolumeInfo,

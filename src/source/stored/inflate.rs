@@ -7,7 +7,7 @@ use flate2::bufread::GzDecoder;
 
 use crate::platform::PositionalFile;
 
-/// Bytes of a file that are read at once.
+/// Bytes of a file that are read at a time.
 pub(super) const INPUT_BYTES: usize = 32 << 10;
 
 /// Reads part of a file by position: the file's own offset is neither used nor moved.
@@ -19,7 +19,7 @@ pub(in crate::source) struct PositionReader<'a> {
 }
 
 impl<'a> PositionReader<'a> {
-    /// From `offset` on, `length` bytes at most.
+    /// Reader from `offset` on, of `length` bytes at most.
     pub(in crate::source) fn new(file: &'a PositionalFile, offset: u64, length: u64) -> Self {
         Self { file, at: offset, end: offset.saturating_add(length) }
     }
@@ -44,12 +44,12 @@ pub(in crate::source) fn section(file: &PositionalFile, offset: u64, length: u64
     BufReader::with_capacity(capacity, PositionReader::new(file, offset, length))
 }
 
-/// Members in a row that may hold nothing: block-wise compression ends with one, and joined files have a few.
+/// Most empty members in a row: block-wise compression ends with one, and joined files have a few.
 const MAX_EMPTY: u32 = 4096;
 
-/// Gzip: one member after another; what follows the last one and is not a member is ignored, as `gzip` does.
+/// Gzip: one member after another; anything else behind the last one is ignored, as `gzip` does.
 ///
-/// One decoder for all members: a file of tiny ones costs little more than one of the same bytes in few.
+/// One decoder serves all members: a file of tiny ones costs little more than one of the same bytes in few.
 pub(super) struct Gzip<R> {
     decoder: GzDecoder<Slot<R>>,
     /// Members in a row that held nothing.
@@ -95,7 +95,7 @@ impl<R: BufRead> Read for Gzip<R> {
                 self.empty = 0;
                 return Ok(got);
             }
-            // The member's checksum was right. Is there another?
+            // The member's checksum was right; another member may follow.
             let inner = self.decoder.get_mut();
             self.ended = !inner.fill_buf()?.starts_with(b"\x1f");
             if !self.ended {
@@ -230,7 +230,7 @@ mod tests {
         assert_eq!(out, b"ab");
         let error = Gzip::new(&stream(500_000)[..]).read_to_end(&mut out).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData);
-        // Those that hold a byte count as they are.
+        // Members that hold a byte count as usual.
         let (started, mut out) = (std::time::Instant::now(), Vec::new());
         Gzip::new(&gzip(b"c").repeat(100_000)[..]).read_to_end(&mut out).unwrap();
         assert_eq!(out.len(), 100_000);

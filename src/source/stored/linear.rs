@@ -12,7 +12,7 @@ use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
 use crate::volume::{Endian, Note, Result, SourceError, SourceFault, VolumeInfo};
 
-/// Stored bytes that are turned into samples at once; a multiple of every sample's width.
+/// Stored bytes that are turned into samples at a time; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
 
 /// The state of an inflater without its input and output buffers: its window, twice, and tables.
@@ -22,10 +22,10 @@ const INFLATER: u64 = 64 << 10;
 /// long where halves grow), and the inflater's window with its tables.
 const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + INFLATER;
 
-/// How samples are packed in a file.
+/// Packing of the samples in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::source) enum Encoding {
-    /// As they are.
+    /// Samples lie plain.
     Raw,
     /// Gzip (RFC 1952), one or several members.
     Gzip,
@@ -40,8 +40,8 @@ pub(in crate::source) enum Encoding {
 }
 
 impl Encoding {
-    /// Bzip2 with the blocks that the streams of these files state at byte `skip`; with the largest there are
-    /// where one is not a stream, which shows when it is unrolled.
+    /// Bzip2 with the block size that the streams of these files state at byte `skip`; with the largest size for a file
+    /// that is not a stream, which shows when it is unrolled.
     pub(in crate::source) fn bzip2(files: &FileList, skip: u64) -> Self {
         let level_of = |index: usize| {
             let mut head = [0; BZIP2_HEAD];
@@ -53,7 +53,7 @@ impl Encoding {
         Self::Bzip2((0..files.len()).filter_map(level_of).max().unwrap_or(9))
     }
 
-    /// Without what only the decoder needs.
+    /// Name of the packing, without details for the decoder.
     pub(in crate::source) fn packing(self) -> &'static str {
         match self {
             Self::Raw => "raw",
@@ -65,8 +65,8 @@ impl Encoding {
         }
     }
 
-    /// The most bytes that `stored` bytes can become: a header that promises more is wrong, and no scratch
-    /// file has to be filled to find out.
+    /// The most bytes that `stored` bytes can become: a header that promises more is wrong, and no scratch file has to
+    /// be filled to find out.
     pub(in crate::source) fn most(self, stored: u64, samples: Samples) -> u64 {
         let times = match self {
             Self::Raw => 1,
@@ -161,7 +161,7 @@ impl Linear {
             )
         };
         let failed = |cause: io::Error, got: u64| {
-            // Decoders speak of damage in errors of their own; only the system's have a number.
+            // Decoders report damage in errors of their own; only the system's have a number.
             let fault = match (cause.kind(), cause.raw_os_error()) {
                 (io::ErrorKind::UnexpectedEof, _) => short(got),
                 (_, Some(code)) => bad!("cannot be read ({})", io::Error::from_raw_os_error(code)),

@@ -1,8 +1,8 @@
 //! Samples that lie linearly in one or several files: read where they lie, or unrolled first.
 //!
-//! | part | what it is |
+//! | part | content |
 //! |---|---|
-//! | [`Samples`] | how a sample is stored, and what it is delivered as |
+//! | [`Samples`] | types of samples, as stored and as delivered |
 //! | [`DirectSamples`] | slices at known offsets of files, read by position straight into the caller's buffer |
 //! | [`Unroll`] | a recipe that writes a volume once from front to back into a [`Spool`] |
 //! | [`Linear`] | the recipe of gzip, zlib, bzip2 and text: a stream with one slice after another |
@@ -46,11 +46,11 @@ pub(super) trait Unroll: Send + Sync {
         self.files().path(0)
     }
 
-    /// Writes every sample of the volume into `target`; returns notes on what it found.
+    /// Writes every sample of the volume into `target`; returns notes on its findings.
     fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>>;
 }
 
-/// Where a recipe writes to.
+/// Target of a recipe.
 pub(super) struct Target<'a> {
     spool: &'a Spool,
     progress: &'a dyn Progress,

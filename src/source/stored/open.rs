@@ -1,4 +1,4 @@
-//! From what a header says to volumes: every promise is held against the files first.
+//! Volumes from the statements of a header: each is checked against the files first.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ use crate::volume::{
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
 const MAX_VOLUMES: u64 = 2048;
 
-/// Where the samples begin in each file.
+/// Offset of the samples in each file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::source) enum Skip {
-    /// This many bytes from the start.
+    /// Bytes from the start.
     Bytes(u64),
-    /// As many as leave exactly the samples.
+    /// All bytes before the samples, which end the file.
     AllButSamples,
 }
 
@@ -41,11 +41,11 @@ pub(in crate::source) struct StoredLayout {
     pub(in crate::source) volumes: u64,
     /// Type of the samples.
     pub(in crate::source) samples: Samples,
-    /// Their byte order.
+    /// Byte order of the samples.
     pub(in crate::source) endian: Endian,
-    /// How they are packed.
+    /// Packing of the samples.
     pub(in crate::source) encoding: Encoding,
-    /// Where they begin.
+    /// Offset of the samples.
     pub(in crate::source) skip: Skip,
     /// Unpacked bytes before the first sample of a stream.
     pub(in crate::source) skip_unpacked: Skip,
@@ -55,16 +55,15 @@ pub(in crate::source) struct StoredLayout {
     pub(in crate::source) affine: Affine,
     /// Notes on all volumes.
     pub(in crate::source) notes: Vec<Note>,
-    /// What the header states of labels; of several volumes nothing is taken.
+    /// Labels that the header states; ignored for several volumes.
     pub(in crate::source) labels: Vec<StatedLabel>,
 }
 
 impl StoredLayout {
-    /// The volumes; nothing is read of the samples yet.
+    /// The volumes; no sample is read yet.
     ///
     /// # Errors
-    /// [`SourceError`] where the header contradicts itself or the files;
-    /// [`SourceError`] where the system refuses.
+    /// [`SourceError`] where the header contradicts itself or the files; [`SourceError`] where the system refuses.
     pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>> {
         let wrong = |fault: Fault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
@@ -160,7 +159,7 @@ impl StoredLayout {
         Ok((0..self.volumes).map(volume).collect())
     }
 
-    /// Holds the size of every file against its share; gives back where the samples begin.
+    /// Compares the size of every file with its share; returns the offset at which the samples begin.
     fn check_files(&mut self, share: u64) -> Result<u64> {
         let mut common = None;
         let mut longer = 0_u64;

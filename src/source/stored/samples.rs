@@ -1,15 +1,15 @@
-//! How a sample is stored, and what it becomes.
+//! Samples as stored and as delivered.
 
 use crate::volume::{Endian, Note, ScalarType};
 
-/// Type of a stored sample: one that is delivered as it is, or one that becomes a float.
+/// Type of a stored sample: delivered unchanged, or converted to a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::source) enum Samples {
-    /// Delivered as it is.
+    /// A sample that is delivered unchanged.
     Plain(ScalarType),
     /// Signed 64 bits, delivered as doubles: exact up to 2^53, rounded beyond.
     I64,
-    /// Unsigned 64 bits, in the same way.
+    /// Unsigned 64 bits, delivered like `I64`.
     U64,
     /// IEEE half, delivered as singles: always exact.
     F16,
@@ -66,7 +66,7 @@ impl Samples {
                 let count = bytes.len() / 4;
                 let tail = count * 2;
                 endian.to_native(2, bytes.get_mut(tail..).unwrap_or_default());
-                // From the front: sample i is read at 2 * (count + i), before 4 * i + 4 reaches beyond it.
+                // Front to back: sample i is read at 2 * (count + i), before 4 * i + 4 reaches beyond it.
                 for i in 0..count {
                     let from = tail + 2 * i;
                     let Some(half) = bytes.get(from..from + 2) else { return };

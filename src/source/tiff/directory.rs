@@ -6,15 +6,15 @@ use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;
 use crate::volume::Endian;
 
-/// Most entries of one directory: real ones have some 20.
+/// Most entries of one directory; real ones have some 20.
 const MAX_ENTRIES: u64 = 512;
 
-/// An error that says what is damaged.
+/// The error of damaged data.
 pub(super) fn damaged(fault: Fault) -> io::Error {
     fault.in_stream()
 }
 
-/// An open file and how its numbers are written.
+/// An open file and its byte order and form.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tiff<'a> {
     pub(super) file: &'a PositionalFile,
@@ -37,7 +37,7 @@ pub(super) struct Entry {
 #[derive(Debug)]
 pub(super) struct Directory {
     entries: Vec<Entry>,
-    /// Offset of the next one; 0 behind the last.
+    /// Offset of the next directory; 0 behind the last.
     pub(super) next: u64,
 }
 
@@ -165,7 +165,7 @@ impl<'a> Tiff<'a> {
         directory.get(tag).map_or(Ok(default), |entry| self.element(entry, 0))
     }
 
-    /// A ratio; `None` where the field is missing or says nothing.
+    /// A ratio; `None` where the field is missing or senseless.
     pub(super) fn ratio(&self, directory: &Directory, tag: u16) -> io::Result<Option<f64>> {
         let Some(entry) = directory.get(tag) else { return Ok(None) };
         let (bytes, width) = self.bytes(entry, 0)?;
@@ -173,7 +173,7 @@ impl<'a> Tiff<'a> {
         let part = |bytes: &[u8]| u32::try_from(self.number(bytes)).map_or(0.0, f64::from);
         let bits = self.number(&bytes[..width]);
         let ratio = match entry.kind {
-            // Some writers have numbers without a divisor.
+            // Some writers store whole numbers, without a divisor.
             3 | 4 => part(&bytes[..width]),
             5 => part(over) / part(under),
             11 => u32::try_from(bits).map_or(0.0, |bits| f32::from_bits(bits).into()),

@@ -34,13 +34,13 @@ use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;
 
-/// Most directories of a file, those of thumbnails included.
+/// Most directories of a file, thumbnails included.
 const MAX_PAGES: usize = 2 * Dims::MAX_SIDE as usize;
 
 /// Longest part of a description that is read; spacing and counts are at its start.
 const MAX_DESCRIPTION: u64 = 64 << 10;
 
-/// The most bytes that LZW makes of one; deflate and PackBits make fewer.
+/// Greatest expansion by LZW: bytes made of one; deflate and PackBits make fewer.
 const MAX_EXPANSION: u64 = 4096;
 
 const DESCRIPTION: u16 = 270;
@@ -49,12 +49,12 @@ const Y_RESOLUTION: u16 = 283;
 const SUBFILE_TYPE: u16 = 254;
 const ORIENTATION: u16 = 274;
 
-/// Is this a TIFF picture?
+/// True for a TIFF picture.
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic))
 }
 
-/// Does a file have several pages, as far as that can be seen?
+/// True if a file has several pages, as far as can be seen.
 pub(super) fn is_whole(path: &Path) -> bool {
     let mut pages = Stack::default();
     match pages.add(path, 0) {
@@ -70,7 +70,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let mut stack = Stack::default();
     let mut files = Vec::new();
     let mut refused: Option<SourceError> = None;
-    // Too damaged to see whether they have several pages.
+    // Files too damaged to count their pages.
     let mut unclear = Vec::new();
     for index in 0..list.len() {
         let path = list.path(index);
@@ -99,7 +99,8 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
             (Err(error), None) => unclear.push((index, error)),
         }
     }
-    // They are what most of the others are: a slice must not be missed, nor a volume take others along.
+    // Files of unknown page count are taken for what most others are: a slice must not be missed, nor a volume take
+    // others along.
     for (index, error) in unclear {
         if whole.len() > files.len() {
             whole.push(Slices { files: vec![index], volumes: Err(error) });
@@ -128,7 +129,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     whole
 }
 
-/// Has a file that cannot be used several pages? `None` if that cannot be seen, either.
+/// True if an unusable file has several pages; `None` if that cannot be seen.
 fn several_pages(path: &Path) -> Option<bool> {
     super::stored::regular(path).ok()?;
     let opened = PositionalFile::open(path).ok()?;
@@ -140,12 +141,12 @@ fn several_pages(path: &Path) -> Option<bool> {
         }
         let directory = match tiff.directory(offset) {
             Ok(directory) => directory,
-            // One page is there, and it speaks of another.
+            // There is one page, which points to another.
             Err(_) if pages > 0 => return Some(true),
             Err(_) => return None,
         };
         offset = directory.next;
-        // What cannot be read of a page does not make it a thumbnail.
+        // A page with an unreadable type is not taken for a thumbnail.
         if tiff.value(&directory, SUBFILE_TYPE, 0).unwrap_or(0) & 1 == 1 {
             continue;
         }
@@ -157,7 +158,7 @@ fn several_pages(path: &Path) -> Option<bool> {
     (pages == 1).then_some(false)
 }
 
-/// Shared by all slices of a volume.
+/// Properties that all slices of a volume share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shape {
     size: [u32; 2],
@@ -168,9 +169,9 @@ struct Shape {
 #[derive(Clone, Copy, Debug)]
 struct Page {
     file: u32,
-    /// Of its directory.
+    /// Offset of its directory.
     offset: u64,
-    /// Of its pixels, where they lie as they are.
+    /// Offset of its pixels, if stored plain.
     pixels: Option<u64>,
     endian: Endian,
 }
@@ -184,10 +185,10 @@ struct Stack {
     memory_bytes: u64,
     file_bytes: u64,
     inverted: bool,
-    /// Are columns, or rows, stored from the other end?
+    /// True if columns, and rows, are stored from the other end.
     backwards: Option<[bool; 2]>,
     thumbnails: usize,
-    /// Were the pages of an ImageJ stack behind one directory?
+    /// True if the pages of an ImageJ stack lay behind one directory.
     contiguous: bool,
     /// True if only the distance of slices is not stated.
     lacks_depth: bool,
@@ -269,7 +270,7 @@ impl Stack {
         Ok(())
     }
 
-    /// Pictures of an ImageJ stack that have no directories of their own.
+    /// Adds pictures of an ImageJ stack that have no directories of their own.
     fn contiguous(&mut self, tiff: &Tiff<'_>, images: u64) -> io::Result<()> {
         let [page] = self.pages.as_slice() else { return Ok(()) };
         let (first, Some(shape)) = (*page, self.shape) else { return Ok(()) };
@@ -290,7 +291,7 @@ impl Stack {
         Ok(())
     }
 
-    /// Is a slice of the same kind as those before?
+    /// Checks that a slice is of the same kind as those before.
     fn same(&mut self, shape: Shape) -> Result<(), Fault> {
         let first = *self.shape.get_or_insert(shape);
         if first == shape {
@@ -304,7 +305,7 @@ impl Stack {
         ))
     }
 
-    /// Is a slice stored from the same corner as those before?
+    /// Checks that a slice is stored from the same corner as those before.
     fn turned(&mut self, backwards: [bool; 2]) -> Result<(), Fault> {
         if *self.backwards.get_or_insert(backwards) == backwards {
             return Ok(());
@@ -428,7 +429,7 @@ impl Stack {
     }
 }
 
-/// Whether columns, and rows, are stored from the other end, by the tag Orientation.
+/// True for columns, and rows, that are stored from the other end, by the tag Orientation.
 fn backwards(orientation: u64) -> Result<[bool; 2], Fault> {
     match orientation {
         2 => Ok([true, false]),
@@ -437,7 +438,7 @@ fn backwards(orientation: u64) -> Result<[bool; 2], Fault> {
         5..=8 => Err(bad!(
             "its pictures are stored turned by 90 degrees (Orientation {orientation}); save them upright"
         )),
-        // Others mean nothing.
+        // Other values mean nothing.
         _ => Ok([false, false]),
     }
 }
@@ -476,7 +477,7 @@ impl Unroll for Pages {
             let unroll = |opened: &PositionalFile| {
                 let (tiff, _) = Tiff::open(opened)?;
                 let raster = Raster::read(&tiff, &tiff.directory(*offset)?)?;
-                // Held against the survey: the file may have been changed since.
+                // Compared with the survey: the file may have been changed since.
                 let size = [info.dims.nx(), info.dims.ny()];
                 if [raster.width, raster.height] != size || raster.samples.delivered() != info.scalar {
                     return Err(damaged(bad!("it is not the page that it was a moment ago")));

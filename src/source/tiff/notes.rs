@@ -19,7 +19,8 @@ pub(super) struct Notes {
     pub(super) lacks_depth: bool,
     /// A unit of length that is stated and not known, so that the spacing is not either.
     pub(super) unknown_unit: Option<String>,
-    /// Name and length of each axis that pages follow each other along, the slowest first; empty where pages are slices.
+    /// Name and length of each axis that pages follow each other along, the slowest first; empty where pages are
+    /// slices.
     pub(super) axes: Vec<(char, u64)>,
     /// True if more pages may follow, of other images.
     pub(super) more_images: bool,
@@ -29,7 +30,7 @@ impl Notes {
     /// Reads a description; `resolution` is pixels per unit along x and y, `size` the columns and rows of a page.
     ///
     /// # Errors
-    /// It states what is not a number where one belongs, or more than a volume has.
+    /// It states something else where a number belongs, or larger numbers than a volume has.
     pub(super) fn read(
         description: &str,
         resolution: [Option<f64>; 2],
@@ -91,7 +92,7 @@ impl Notes {
         Ok(Self { images, spacing_mm, lacks_depth, unknown_unit, axes, more_images: false })
     }
 
-    /// The shape of an array, as tifffile and napari write it: the last two sides are those of a page.
+    /// Reads the shape of an array, as tifffile and napari write it: the last two sides are the page's.
     fn shaped(shape: &Value, all: &Value, [columns, rows]: [u64; 2]) -> Result<Self, Fault> {
         let wrong =
             || bad!("its description states the shape {shape}, whose last sides are not those of a page");
@@ -111,7 +112,7 @@ impl Notes {
             names.iter().copied().zip(pages.iter().copied()).filter(|(_, side)| *side != 1).collect();
         let images = axes.iter().fold(1_u64, |all, (_, side)| all.saturating_mul(*side));
         let truncated = all.get("truncated").and_then(Value::as_bool) == Some(true);
-        // The slowest but for z are volumes; unnamed, z is the fastest.
+        // The slowest axes except z are volumes; without names, z is the fastest.
         if !axes.iter().any(|(name, _)| *name == 'Z')
             && let Some(last) = axes.last_mut()
         {
@@ -179,7 +180,7 @@ impl Notes {
         Ok(Self { images: 1, spacing_mm, lacks_depth, unknown_unit, axes, more_images })
     }
 
-    /// The pages of each volume, of so many pages in the file; `None` where all of them are the slices of one.
+    /// The pages of each volume, for a file of `pages` pages; `None` where all of them are the slices of one.
     ///
     /// # Errors
     /// The axes make another number of pages.
@@ -310,7 +311,7 @@ mod tests {
         let text = "<?xml?><OME><Image><Pixels BigEndian=\"false\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.25\" PhysicalSizeYUnit=\"mm\" PhysicalSizeZ=\"3\" SizeC=\"1\" SizeZ=\"9\"><TiffData/></Pixels></Image></OME>";
         assert_eq!(read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
         assert!(read(&text.replace("PhysicalSizeZ", "x"), [None; 2]).lacks_depth);
-        // As XML may be written, too.
+        // XML allows other white space and quotation marks.
         for (from, to) in [(" PhysicalSizeX=", "\n\tPhysicalSizeX = "), ("\"0.25\"", "'0.25'")] {
             assert_eq!(read(&text.replace(from, to), [None; 2]), read(text, [None; 2]), "{to}");
         }

@@ -1,4 +1,4 @@
-//! The pixels of one TIFF page: where they lie, or how they are unpacked, row by row.
+//! The pixels of one TIFF page, read in place or unpacked, row by row.
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
@@ -11,7 +11,7 @@ use crate::geom::Dims;
 use crate::source::stored::{Samples, Section, Target, section};
 use crate::volume::{Endian, Result, ScalarType};
 
-/// Bytes that are written to the spool at once, if rows are shorter.
+/// Bytes that are written to the spool at a time, if rows are shorter.
 const BATCH_BYTES: usize = 64 << 10;
 
 /// The decoder of a compressed TIFF page: an inflater's window or a table of LZW codes, and the directory.
@@ -39,7 +39,7 @@ pub(super) mod tag {
     pub(super) const SAMPLE_FORMAT: u16 = 339;
 }
 
-/// How chunks are packed.
+/// Packing of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Packing {
     None,
@@ -48,13 +48,13 @@ enum Packing {
     PackBits,
 }
 
-/// A page, as far as its pixels go.
+/// A page, as far as its pixels are concerned.
 #[derive(Debug)]
 pub(super) struct Raster {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) samples: Samples,
-    /// Is 0 white?
+    /// True if 0 is white.
     pub(super) inverted: bool,
     packing: Packing,
     predictor: u64,
@@ -189,7 +189,7 @@ impl Raster {
         TIFF_DECODER + row.max(BATCH_BYTES as u64) + row
     }
 
-    /// Offset of the pixels where they lie as they are, row after row.
+    /// Offset of the pixels where they are stored plain, row after row.
     pub(super) fn placed(&self, tiff: &Tiff<'_>) -> io::Result<Option<u64>> {
         let strips = self.height.div_ceil(self.chunk[1]);
         if self.packed() || (self.tiled && self.chunk[0] != self.width) {

@@ -17,28 +17,28 @@ use crate::volume::{Endian, ScalarType};
 /// Most chunks of a volume.
 const MAX_CHUNKS: u64 = 1 << 30;
 
-/// Most entries of a folder that are looked at for a chunk.
+/// Most entries of a folder that are inspected for a chunk.
 const LOOKED_AT: usize = 1 << 10;
 
-/// Longest index of a shard whose checksum is looked at for each of its chunks.
+/// Longest index of a shard whose checksum is verified for each of its chunks.
 const SHORT_INDEX: u64 = 16 << 10;
 
-/// An array, and where its chunks lie.
+/// An array, with the layout of its chunks.
 #[derive(Debug)]
 pub(super) struct Array {
     folder: PathBuf,
     /// Voxels along z, y and x.
     pub(super) size: [u64; 3],
-    /// Of a chunk, along z, y and x; within a shard, of the chunks in it.
+    /// Size of a chunk along z, y and x; within shards, of their inner chunks.
     pub(super) chunk: [u64; 3],
-    /// Of the axes before z: their sides, and those of a chunk.
+    /// Sides of the array and of a chunk, along the axes before z.
     leading: Vec<[u64; 2]>,
-    /// Axes of the array are fewer than three.
+    /// True for fewer than three axes.
     flat: bool,
     pub(super) samples: Samples,
     pub(super) endian: Endian,
     pub(super) packing: Packing,
-    /// The sample where there is no chunk, as it is delivered.
+    /// The delivered sample where there is no chunk.
     pub(super) fill: Vec<u8>,
     shard: Option<Shard>,
     keys: Keys,
@@ -50,7 +50,7 @@ struct Shard {
     /// Chunks along each axis of the array.
     counts: Vec<u64>,
     at_end: bool,
-    /// Is a checksum behind the index?
+    /// True if a checksum follows the index.
     checked: bool,
 }
 
@@ -61,7 +61,7 @@ struct Keys {
     separator: char,
 }
 
-/// Where the bytes of a chunk are.
+/// Location of a chunk's bytes.
 pub(super) struct Place {
     pub(super) file: PositionalFile,
     pub(super) at: u64,
@@ -83,10 +83,10 @@ fn text<'a>(of: &'a Value, key: &str) -> Option<&'a str> {
     of.get(key).and_then(Value::as_str)
 }
 
-/// The one of these words that a field has; the first where it is missing or null.
+/// The word of `known` that a field has; the first where the field is missing or null.
 ///
 /// # Errors
-/// It has another value.
+/// The field has another value.
 fn word(value: Option<&Value>, field: &'static str, known: &[&'static str]) -> Read<&'static str> {
     let stated = value.filter(|value| !value.is_null());
     let found = known.iter().find(|word| stated.is_none_or(|value| value == *word));
@@ -261,7 +261,7 @@ impl Array {
         Ok(Self { folder, size, chunk, leading, flat, samples, endian, packing, fill, shard, keys })
     }
 
-    /// Do chunks lie in shards?
+    /// True if chunks lie in shards.
     pub(super) fn is_sharded(&self) -> bool {
         self.shard.is_some()
     }
@@ -286,7 +286,7 @@ impl Array {
         self.chunk.iter().product::<u64>() * self.samples.bytes() as u64
     }
 
-    /// Bytes of a whole chunk, and where the volume of this number begins in it.
+    /// Bytes of a whole chunk, and the offset in it of the volume of this number.
     pub(super) fn within(&self, volume: u64) -> (u64, u64) {
         let (mut offset, mut step) = (0, self.volume_bytes());
         for (index, [_, chunk]) in self.index(volume).into_iter().zip(&self.leading).rev() {
@@ -337,7 +337,7 @@ impl Array {
         }
     }
 
-    /// The name of the first chunk where none of these volumes has one, as far as a few thousand of them tell.
+    /// The name of the first chunk if none of these volumes has any chunk, as far as a few thousand of them tell.
     pub(super) fn lost(&self, volumes: Range<u64>) -> Option<String> {
         const LOOKED_FOR: u64 = 4096;
         let [nz, ny, nx] = self.chunks();
@@ -380,7 +380,7 @@ impl Array {
         })
     }
 
-    /// Where a chunk lies; `None` if it was never written.
+    /// Location of a chunk; `None` if it was never written.
     pub(super) fn place(&self, volume: u64, chunk: [u64; 3]) -> std::io::Result<Option<Place>> {
         let file = match crate::platform::PositionalFile::open(&self.path(volume, chunk)) {
             Ok(file) => file,
@@ -421,7 +421,7 @@ impl Array {
     }
 }
 
-/// The order of bytes, and what packs them, of a chain of codecs of Zarr 3.
+/// Byte order and packing of a chain of Zarr 3 codecs.
 fn chain(codecs: &[Value], axes: usize) -> Read<(Endian, Packing)> {
     let mut endian = None;
     let mut packing = Packing::default();

@@ -9,14 +9,14 @@ use crate::fault::bad;
 
 const HEADER: u64 = 16;
 
-/// State of zstd's decoder, of which the others need less.
+/// State of zstd's decoder; the others need less.
 const DECODER: u64 = 256 << 10;
 
 /// Fewest bytes of a part of a block that is packed on its own, and most parts.
 const MIN_PART: usize = 128;
 const MAX_PARTS: usize = 16;
 
-/// What packs the parts of a block.
+/// Codec of the parts of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Inner {
     BloscLz,
@@ -25,14 +25,14 @@ enum Inner {
     Zstd,
 }
 
-/// What stands before the blocks.
+/// Header before the blocks.
 #[derive(Debug)]
 pub(super) struct Header {
-    /// The chunk as it is, without blocks.
+    /// True for a chunk stored plain, without blocks.
     plain: bool,
     shuffled: bool,
     bits_shuffled: bool,
-    /// Are the bytes of samples, one place after the other, packed on their own?
+    /// True if the bytes of samples, one place after the other, are packed on their own.
     split: bool,
     inner: u8,
     sample: usize,
@@ -95,7 +95,7 @@ impl Header {
         if self.plain { 1 } else { self.block as u64 }
     }
 
-    /// Hands on those `wanted` of the `bytes` of a chunk, whose stored form is `length` long.
+    /// Hands on the `wanted` part of a chunk of `bytes` bytes, whose stored form is `length` long.
     pub(super) fn unpack(
         &self,
         (place, length): (&Place, u64),
@@ -146,7 +146,7 @@ impl Header {
     fn unshuffled<'a>(&self, shuffled: &'a [u8], plain: &'a mut [u8]) -> &'a [u8] {
         let size = self.sample;
         let count = shuffled.len() / size;
-        // Bits of samples beyond the last multiple of eight stay as they are.
+        // Bits of samples beyond the last multiple of eight are not shuffled.
         if self.bits_shuffled && count > 0 && count.is_multiple_of(8) {
             unshuffle_bits(shuffled, plain, size);
         } else if self.shuffled && !self.bits_shuffled && size > 1 && count > 0 {
@@ -158,7 +158,8 @@ impl Header {
     }
 }
 
-/// What unpacks blocks, kept from one slab to the next: pages that are asked for again cost more than what fills them.
+/// Buffers and decoder for blocks, kept from one slab to the next: asking the system for pages again costs more than
+/// filling them.
 #[derive(Default)]
 pub(super) struct Buffers {
     /// Made when the first block needs it.
@@ -269,7 +270,8 @@ fn lz4(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     }
 }
 
-/// Copies what lies `back` bytes before, of which there may be less than is copied: it doubles with every step.
+/// Copies bytes that begin `back` before; if these are fewer than `length` they repeat: the span doubles with every
+/// step.
 fn repeat(out: &mut [u8], made: usize, back: usize, length: usize) -> Option<()> {
     let from = made.checked_sub(back).filter(|_| back > 0 && made + length <= out.len())?;
     let mut done = 0;
@@ -281,7 +283,7 @@ fn repeat(out: &mut [u8], made: usize, back: usize, length: usize) -> Option<()>
     Some(())
 }
 
-/// Unpacks BloscLZ, a kind of FastLZ: runs of literal bytes, and copies of what came before, within 8 KiB in two bytes
+/// Unpacks BloscLZ, a kind of FastLZ: runs of literal bytes, and copies of earlier output, within 8 KiB in two bytes
 /// and up to 64 KiB further in four.
 fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     const NEAR: usize = 8191;
@@ -399,7 +401,7 @@ mod tests {
             let mut out = vec![0; plain.len()];
             assert_eq!(lz4(&packed, &mut out), Some(plain.len()));
             assert_eq!(out, plain);
-            // Anything may come of damage but a panic, and nothing beyond the block.
+            // Damage may give any result within the block, but no panic.
             let at = random(packed.len());
             packed[at] = byte(random(256));
             let made = lz4(&packed, &mut out);

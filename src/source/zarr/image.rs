@@ -8,7 +8,7 @@ use crate::fault::bad;
 use crate::source::header::unit_mm;
 use crate::volume::Note;
 
-/// What an image states about one of its levels.
+/// Statements of an image about one of its levels.
 #[derive(Debug)]
 pub(super) struct Image {
     /// Names and units of the axes, in the order of the array.
@@ -27,7 +27,7 @@ fn multiscales(what: &Value) -> Option<&Value> {
 }
 
 impl Image {
-    /// Does metadata describe an image?
+    /// True if metadata describes an image.
     pub(super) fn is_there(what: &Value) -> bool {
         multiscales(what).is_some()
     }
@@ -59,7 +59,7 @@ impl Image {
             None => ["t", "c", "z", "y", "x"].map(|name| (name.to_owned(), None)).to_vec(),
         };
         let (mut scale, mut shift) = (vec![1.0; axes.len()], vec![0.0; axes.len()]);
-        // First those of the level, then those of the whole image.
+        // Transformations of the level come first, then those of the whole image.
         for step in transformations(set)?.iter().chain(transformations(image)?) {
             let numbers = |key| numbers(step.get(key), axes.len());
             match step.get("type").and_then(Value::as_str) {
@@ -84,7 +84,7 @@ impl Image {
         self.axes.get(at).map(|(name, _)| name.as_str())
     }
 
-    /// Spacing and place of the first voxel along x, y and z, in mm, of an array with so many axes.
+    /// Spacing and place of the first voxel along x, y and z, in mm, for an array of `axes` axes.
     pub(super) fn placed(&self, axes: usize, notes: &mut Vec<Note>) -> Read<([f64; 3], [f64; 3])> {
         let names: Vec<&str> = self.axes.iter().map(|(name, _)| name.as_str()).collect();
         let is_usual = names.ends_with(&["z", "y", "x"]) || (axes == 2 && names == ["y", "x"]);

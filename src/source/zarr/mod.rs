@@ -2,15 +2,15 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `array` | the metadata of an array: shape, chunks, how samples and chunks are stored |
+//! | `array` | the metadata of an array: shape, chunks, storage of samples and chunks |
 //! | `image` | the levels, axes, units and scales of OME-Zarr |
 //! | `packing`, `blosc` | chunks unpacked in pieces |
-//! | `volume` | rows read of chunks, which are unpacked when they are first asked for |
+//! | `volume` | rows read from chunks, which are unpacked when they are first asked for |
 //!
 //! The last three axes are z, y and x. Each combination of the axes before them (time, channel) is a volume of its own,
 //! and the caller may choose one by its places on them.
-//! Of an image its finest level is taken; another one is a folder of its own, which is named instead, and finds its
-//! scale in the folder above. Sources: Zarr specifications 2 and 3.1, OME-NGFF 0.4 and 0.5, the format of C-Blosc 1.
+//! An image gives its finest level; another one is chosen by the path of its folder, and finds its scale in the folder
+//! above. Sources: Zarr specifications 2 and 3.1, OME-NGFF 0.4 and 0.5, the format of C-Blosc 1.
 
 mod array;
 mod blosc;
@@ -43,13 +43,13 @@ const MAX_METADATA: u64 = 4 << 20;
 /// Most volumes of one array that are offered.
 const MAX_VOLUMES: u64 = 1 << 10;
 
-/// Files that describe an array or an image, the first of which counts.
+/// Files that describe an array or an image; the first that exists counts.
 const HEADS: [&str; 3] = ["zarr.json", ".zarray", ".zattrs"];
 
-/// Why metadata is refused, before the file is named.
+/// Result whose error refuses metadata, before the file is named.
 type Read<T> = std::result::Result<T, Fault>;
 
-/// Is this the metadata of an array or an image? Not that of a group, whose folder is searched like any other.
+/// True for the metadata of an array or an image; false for a group's, whose folder is searched like any other.
 pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
     let named = path.file_name().is_some_and(|name| HEADS.iter().any(|head| name == *head));
     let is_text = head.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
@@ -65,7 +65,7 @@ pub(crate) fn head_of(folder: &Path) -> Option<PathBuf> {
     recognise(b"{", &found).then_some(found)
 }
 
-/// Is a file part of the metadata of a group, which says nothing about voxels?
+/// True for the metadata of a group, which says nothing about voxels.
 pub(crate) fn is_of_group(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == "zarr.json")
         && metadata(path).is_ok_and(|found| found.is_some_and(|what| what.get("node_type").is_some()))
@@ -83,7 +83,7 @@ fn metadata(path: &Path) -> Result<Option<Value>> {
     Ok(serde_json::from_slice(text.get(mark..).unwrap_or_default()).ok())
 }
 
-/// Does metadata describe voxels?
+/// True if metadata describes voxels.
 fn is_volume(path: &Path, what: &Value) -> bool {
     let name = path.file_name().unwrap_or_default();
     let is_array = name == ".zarray" || what.get("node_type").is_some_and(|kind| kind == "array");
@@ -134,7 +134,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     volumes(array, image, name, (&head, numbers))
 }
 
-/// The refusal of a place on the axes before z, which have these names and lengths.
+/// The refusal of a choice on the axes before z, which have these names and lengths.
 pub(crate) fn unchosen(axes: &[(String, u64)]) -> Fault {
     if axes.is_empty() {
         return usage!("has no axes before z, y and x, on which {INDEX} could choose; leave it out");
@@ -149,7 +149,7 @@ pub(crate) fn unchosen(axes: &[(String, u64)]) -> Fault {
 
 /// Names and lengths of the axes before z, as the image or the array names them, or by their numbers.
 fn leading_axes(array: &Array, image: Option<&Image>, what: &Value, folder: &Path) -> Vec<(String, u64)> {
-    // Of version 2 as xarray has them.
+    // Version 2 names axes as xarray does, in a file of attributes.
     let beside = || metadata(&folder.join(HEADS[2])).ok()?;
     let named = |key: &str, of: Option<Value>| of?.get(key).and_then(Value::as_array).cloned();
     let named = named("dimension_names", Some(what.clone())).or_else(|| named("_ARRAY_DIMENSIONS", beside()));
@@ -176,7 +176,7 @@ fn chosen(axes: &[(String, u64)], index: &[(String, u64)]) -> Option<u64> {
     axes.iter().try_fold(0, join).filter(|_| are_known && !axes.is_empty())
 }
 
-/// What an image in the folder above states of this level, if it is one of its levels.
+/// Statements of an image in the folder above about this level, if it is one of its levels.
 fn of_level(folder: &Path) -> Result<Option<Image>> {
     let (Some(above), Some(level)) = (folder.parent(), folder.file_name().and_then(|name| name.to_str()))
     else {

@@ -1,4 +1,4 @@
-//! How the bytes of a chunk are packed, and chunks unpacked in pieces.
+//! Packing of chunks, and unpacking in pieces.
 
 use std::io::{self, Read as _};
 use std::ops::Range;
@@ -11,10 +11,10 @@ use crate::fault::bad;
 use crate::platform::PositionalFile;
 use crate::source::stored::section;
 
-/// Bytes that are handed on at once.
+/// Bytes that are handed on at a time.
 pub(super) const PIECE: usize = 64 << 10;
 
-/// State of an inflater, and what reads a file ahead for it.
+/// Memory of an inflater and its read-ahead.
 const STREAM: u64 = 192 << 10;
 
 /// State of zstd's decoder besides its window.
@@ -23,11 +23,11 @@ const ZSTD: u64 = 512 << 10;
 /// Receives a chunk in pieces, in order.
 pub(super) type Sink<'a> = dyn FnMut(&[u8]) -> io::Result<()> + 'a;
 
-/// How chunks are packed: one codec, and a checksum behind it.
+/// Packing of chunks: one codec, and a checksum behind it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Packing {
     codec: Codec,
-    /// CRC-32C of all before its four bytes.
+    /// True if a CRC-32C of all bytes before follows, in four bytes.
     checked: bool,
 }
 
@@ -52,7 +52,7 @@ pub(super) fn short() -> io::Error {
 }
 
 impl Packing {
-    /// The same with another codec behind it.
+    /// This packing with another codec behind it.
     pub(super) fn then(self, name: &str) -> Read<Self> {
         let codec = match name {
             "crc32c" if !self.checked => return Ok(Self { checked: true, ..self }),
@@ -77,10 +77,10 @@ impl Packing {
         self.checked
     }
 
-    /// Memory that unpacking a chunk takes, by its first bytes; `bytes` are those of a whole chunk.
+    /// Memory that unpacking a chunk takes, by its first bytes; `bytes` is the length of a whole chunk.
     ///
     /// # Errors
-    /// The chunk cannot be read, or does not begin as it should.
+    /// The chunk cannot be read, or begins wrongly.
     pub(super) fn memory_bytes(self, place: &Place, bytes: u64) -> io::Result<u64> {
         let piece = 3 * PIECE as u64;
         Ok(piece
@@ -99,7 +99,8 @@ impl Packing {
         may.then(|| blosc::Header::read(place).ok()).flatten().map(|header| header.block_bytes())
     }
 
-    /// Hands those `wanted` of the `bytes` of a chunk to `sink`. Only what cannot be unpacked on its own is read besides.
+    /// Hands the `wanted` part of a chunk of `bytes` bytes to `sink`. Besides it, only parts that cannot be unpacked
+    /// alone are read.
     ///
     /// # Errors
     /// The chunk cannot be read, is damaged or of another length, or needs more memory than `allowed_bytes`.
@@ -122,7 +123,7 @@ impl Packing {
         }
         let input = || section(file, *at, length);
         let mut left = wanted.clone();
-        // Hands on what is wanted of a piece, and goes on from there.
+        // Hands on the wanted part of a piece, and goes on from there.
         let trimmed = &mut |piece: &[u8]| {
             let skipped = usize::try_from(left.start).unwrap_or(usize::MAX).min(piece.len());
             let taken = usize::try_from(left.end).unwrap_or(usize::MAX).min(piece.len());
@@ -155,7 +156,7 @@ impl Packing {
     }
 }
 
-/// Hands on a stream of exactly so many bytes.
+/// Hands on a stream of exactly `bytes` bytes.
 fn copy(mut stream: impl io::Read, bytes: u64, sink: &mut Sink<'_>) -> io::Result<()> {
     let mut piece = vec![0; PIECE];
     let mut left = bytes;
@@ -207,7 +208,7 @@ fn zstd_window(place: &Place) -> io::Result<u64> {
         let base = 1_u64 << (10 + (window >> 3));
         return Ok(base + base / 8 * u64::from(window & 7));
     }
-    // A single segment: the window is the content, whose length follows what names a dictionary.
+    // A single segment: the window is the content, whose length follows the dictionary's number.
     let from = 5 + [0, 1, 2, 4][usize::from(descriptor & 3)];
     let bytes = [1, 2, 4, 8][usize::from(descriptor >> 6)];
     let mut length = [0; 8];

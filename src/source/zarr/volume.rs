@@ -1,4 +1,4 @@
-//! Rows read of chunks, which are unpacked when they are first asked for.
+//! Rows read from chunks, which are unpacked when they are first asked for.
 
 use std::collections::HashMap;
 use std::io;
@@ -25,22 +25,22 @@ const OPEN: usize = 32;
 /// Bytes of rows that are read together.
 const SPAN: usize = 32 << 10;
 
-/// Locks of slabs that are being unpacked: so many are at most.
+/// Locks of slabs that are being unpacked, and so the most such slabs.
 const LOCKS: usize = 64;
 
 /// Fewest bytes of a slab, where a chunk has more, and most of one that ends where blocks do.
 const SLAB: u64 = 1 << 20;
 const WIDE_SLAB: u64 = 4 << 20;
 
-/// What is read of slabs at about the same time, at most: by a build two rows of bricks with a few rows beyond them, of a
-/// column with a few slices beyond it; by passes over whole slices a few slices. Slabs that are read once more after that
-/// are unpacked again.
+/// Most rows and slices that are read at about the same time: for a build two rows of bricks with a few rows beyond
+/// them, in a column with a few slices beyond it; for passes over whole slices a few slices. Slabs that are read once
+/// more after that are unpacked again.
 const ROWS_AT_A_TIME: u64 = 70;
 const COLUMN_AT_A_TIME: u64 = 264;
 const SLICES_AT_A_TIME: u64 = 8;
 
-/// Memory of a place of the scratch file: its owner, and that one's entry in a map that may be half empty and grows from one
-/// half as large.
+/// Memory of a place of the scratch file: its owner, and that one's entry in a map that may be half empty and grows
+/// from one half as large.
 const PLACE_BYTES: u64 = 136;
 
 /// Most files that are named for a volume, to notice that one of them changes.
@@ -48,35 +48,35 @@ const NAMED: u64 = 1 << 16;
 
 /// One volume of an array.
 ///
-/// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file when they are asked for, by
-/// the thread that asks: what no one reads is not unpacked. That is done in slabs: some slices of a chunk where its blocks
-/// are packed one by one, else all of them. The file has places for the slabs that are read at a time, and a new slab takes
-/// the place of the one that was unpacked longest ago: pages that the system has given once are written at half the price
-/// of fresh ones. Memory: [`PLACE_BYTES`] a place, and for each reading thread what unpacks a slab (for Blosc three of its
-/// blocks, for zstd its window).
+/// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file on demand, by the thread
+/// that asks: unread chunks are not unpacked. The unit is a slab: some slices of a chunk where its blocks are packed
+/// one by one, else all of them. The file has places for the slabs that are read at a time, and a new slab takes the
+/// place of the one that was unpacked longest ago: reused pages are written at half the price of fresh ones. Memory:
+/// [`PLACE_BYTES`] a place, and for each reading thread the unpacker of a slab (for Blosc three of its blocks, for zstd
+/// its window).
 pub(super) struct ZarrVolume {
     array: Arc<Array>,
-    /// Which volume of the array.
+    /// Number of the volume in the array.
     number: u64,
     info: VolumeInfo,
     unpacking: OnceLock<Unpacking>,
     way: Way,
 }
 
-/// How chunks are unpacked.
+/// Unpacking of chunks.
 #[derive(Clone, Copy, Debug)]
 struct Unpacking {
-    /// Memory that it takes.
+    /// Memory of a thread that unpacks, in bytes.
     bytes: u64,
     /// Slices of a slab, as many as a chunk's at most.
     slices: u64,
 }
 
-/// Files of chunks by their numbers; `None` where there is none.
+/// Files of chunks by their numbers; `None` where a chunk has no file.
 type OpenFiles = Mutex<Vec<(u64, Option<Arc<PositionalFile>>)>>;
 
 enum Way {
-    /// Chunks as they are, the last ones used first.
+    /// Files of plain chunks, the last ones used first.
     Plain(OpenFiles),
     Packed(Option<Box<Unpacked>>),
 }
@@ -84,13 +84,13 @@ enum Way {
 /// Slabs that were unpacked.
 struct Unpacked {
     scratch: PositionalFile,
-    /// Held by those that read a slab, and alone by the one that gives or takes away a place.
+    /// Held shared by readers of a slab, and alone by a thread that gives or takes away a place.
     places: RwLock<Places>,
     /// Held by the thread that unpacks a slab.
     locks: [Mutex<()>; LOCKS],
-    /// Buffers of threads that have unpacked a slab.
+    /// Buffers left by threads that have unpacked a slab.
     idle: Mutex<Vec<Buffers>>,
-    /// That of the places.
+    /// Memory of the places.
     _memory: Reservation,
 }
 
@@ -112,8 +112,8 @@ enum Owner {
 }
 
 impl Places {
-    /// Takes a place from the slab that has had it longest. There are more of them than slabs that are being unpacked, or
-    /// as many as slabs.
+    /// Takes a place from the slab that has had it longest. There are more of them than slabs that are being unpacked,
+    /// or as many as slabs.
     fn take(&mut self) -> usize {
         loop {
             let at = self.next;
@@ -150,8 +150,8 @@ impl ZarrVolume {
         Self { array, number, info, unpacking: OnceLock::new(), way }
     }
 
-    /// How chunks are unpacked, by the first ones that are there: chunks are of one size, and packed in one way. A damaged
-    /// one is met again when it is read.
+    /// Unpacking of chunks, found from the first ones that exist: chunks are of one size, and packed in one way. A
+    /// damaged one is met again when it is read.
     fn unpacking(&self) -> Unpacking {
         *self.unpacking.get_or_init(|| self.probe())
     }
@@ -241,7 +241,8 @@ impl ZarrVolume {
         self.unpacking().slices.saturating_mul(self.slice_bytes())
     }
 
-    /// Writes a slab to the scratch file, unless it is there; one that another thread unpacks is waited for, or left to it.
+    /// Writes a slab to the scratch file, unless it is there; one that another thread unpacks is waited for, or left to
+    /// it.
     fn unpack(&self, unpacked: &Unpacked, slab: &Slab, waits: bool) -> io::Result<()> {
         // Neighbours along any axis seldom share a lock (Fibonacci hashing).
         let hash = slab.number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
@@ -363,7 +364,7 @@ impl ZarrVolume {
         Ok(file)
     }
 
-    /// The value of what was never written. `out` begins and ends with whole samples.
+    /// Fills `out` with the value of unwritten samples. `out` begins and ends with whole samples.
     fn fill(&self, out: &mut [u8]) {
         let value = &self.array.fill;
         out.chunks_exact_mut(value.len()).for_each(|sample| sample.copy_from_slice(value));
@@ -384,7 +385,7 @@ impl ZarrVolume {
 struct Writer<'a> {
     scratch: &'a PositionalFile,
     at: u64,
-    /// How stored samples become delivered ones, where they differ.
+    /// Types of stored samples, where these differ from the delivered ones.
     turn: Option<(Samples, Endian)>,
     pending: Vec<u8>,
 }
@@ -409,7 +410,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Writes the whole samples of what waits.
+    /// Writes the whole samples among the pending bytes.
     fn flush(&mut self) -> io::Result<()> {
         let Some((samples, endian)) = self.turn else { return Ok(()) };
         let count = self.pending.len() / samples.bytes();
@@ -502,7 +503,8 @@ impl VolumeSource for ZarrVolume {
                 let chunk = [u64::from(z) / cz, y, x];
                 let (in_rows, to_row) = overlap(&rows, y * cy, cy);
                 let (in_cols, to_col) = overlap(&cols, x * cx, cx);
-                // One read from the first sample to the last: most are read for others, too, and few for nothing.
+                // One read from the first sample to the last: most bytes between are read for other rows, too, and few
+                // in vain.
                 let (bytes, line) = (in_cols.len() * size, usize::try_from(cx).unwrap_or(usize::MAX) * size);
                 let at = u64::from(in_rows.start) * line as u64 + u64::from(in_cols.start) * size as u64;
                 let together = (SPAN / line).max(1);
@@ -529,7 +531,7 @@ impl VolumeSource for ZarrVolume {
     }
 }
 
-/// The part of a range that lies in a chunk: from the chunk's start on, and from that of the range on.
+/// The part of a range that lies in a chunk: relative to the chunk's start, and its offset from the range's start.
 fn overlap(range: &Range<u32>, start: u64, side: u64) -> (Range<u32>, usize) {
     let from = u64::from(range.start).max(start);
     let to = u64::from(range.end).min(start + side);

@@ -43,7 +43,7 @@ impl Join {
 /// One step of a recipe; a recipe is fastest when its widest seams come first.
 pub(super) type Step = (Join, Solid);
 
-/// Distance that means "far from everything".
+/// Distance of places far from every solid.
 pub(super) const FAR: f32 = 1.0e6;
 
 /// Distances beyond this cannot change a sample: ramps are under 1.5 voxels wide and a voxel of the

@@ -24,7 +24,7 @@ fn index(mm: f32, side: u32) -> u32 {
 
 #[test]
 fn any_range_of_a_slice_equals_the_same_range_of_the_whole() {
-    // Wider than a piece, so that pieces start at other columns in almost every range.
+    // Wider than a piece, so that almost every range splits into other pieces.
     let side = 300_u32;
     let head = SyntheticHead::new(side).unwrap();
     let n = side as usize;
@@ -68,7 +68,7 @@ fn the_face_looks_to_the_front_and_up_is_up() {
     assert!(nose[2] < side / 2 && nose[2] > side / 4, "and below the middle: {nose:?}");
     let teeth = voxels(&samples, side, |v| (1800..2300).contains(&v));
     assert!(teeth.len() > 100);
-    // The ring's own edges pass through the teeth's values; it hangs left of every tooth.
+    // The ring's own edges pass through the teeth's values; all teeth lie to its right.
     for [x, y, z] in teeth.into_iter().filter(|v| v[0] < 3 * side / 4) {
         assert!(y < side / 2 && z < side / 2, "a tooth at {x} {y} {z}");
     }
@@ -103,7 +103,7 @@ fn without_the_marks_the_head_is_symmetric_up_to_noise() {
     for z in [25, 40, 52, 60] {
         for row in read(&head, z, 0..side, 0..side).chunks(side as usize) {
             let marked = row.iter().any(|v| *v > 2400);
-            // The folds of the brain are not mirrored either.
+            // The folds of the brain have no mirror symmetry either.
             let brain = |v: &i16| (-20..=110).contains(v);
             for (a, b) in row.iter().zip(row.iter().rev()).filter(|(a, b)| !(brain(a) && brain(b))) {
                 assert!(marked || (i32::from(*a) - i32::from(*b)).abs() <= 25, "{a} {b} at {z}");
@@ -139,7 +139,7 @@ fn polynomial_waves_are_sines_and_cosines() {
 
 #[test]
 fn noise_is_centred_and_bounded() {
-    // A corner of the cube holds nothing but air.
+    // A corner of the cube holds only air.
     let air: Vec<f64> = (0..8)
         .flat_map(|z| read(&SyntheticHead::new(512).unwrap(), z + 500, 0..8, 0..500))
         .map(f64::from)

@@ -1,4 +1,4 @@
-//! Where the edges of a brick's fine cells are crossed, axis by axis, and the moments of these points.
+//! Crossings of the edges of a brick's fine cells, axis by axis, and the moments of these points.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ pub(super) struct Crossings {
     ends: [Vec<u8>; 3],
 }
 
-/// Some of them, all arrays of one length.
+/// A range of the crossings, all arrays of one length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Points<'a> {
     pub(super) at: [&'a [i32]; 3],
@@ -24,7 +24,7 @@ pub(super) struct Points<'a> {
 }
 
 impl Crossings {
-    /// Memory of one.
+    /// Memory of one [`Crossings`].
     pub(super) const BYTES: usize = 3 * ROOM * (size_of::<i32>() + 1);
 
     pub(super) fn new() -> Self {
@@ -49,7 +49,7 @@ impl Crossings {
         }
     }
 
-    /// Appends the crossings of cells, unless they are too many.
+    /// Appends the crossings of cells; `None` if they are too many.
     #[inline(always)]
     pub(super) fn gather(
         &mut self,
@@ -64,7 +64,7 @@ impl Crossings {
             }
             let place = places[cell];
             let (sides, ahead) = (brick.sides[cell], brick.ahead(cell));
-            // The corners of the cell's polygon, too, where its plane covers an outside corner.
+            // Where the cell's plane covers an outside corner, the corners of its polygon are added.
             let behind = (0..CORNERS).fold(0_usize, |bits, c| bits | usize::from(ahead[c] <= 0) << c);
             let mut left = CROSSED[usize::from(sides)] | CROSSED[behind % 256];
             while left != 0 {
@@ -74,12 +74,12 @@ impl Crossings {
                 let inside = match [p, q].map(|corner| sides >> corner & 1 == 1) {
                     [true, _] => p,
                     [_, true] => q,
-                    // Another one of the cell.
+                    // Another inside corner of the cell.
                     _ => sides.trailing_zeros() as usize % CORNERS,
                 };
                 for a in 0..3 {
                     let low = i32::from(place[a]) * PARTS;
-                    // The axis of the edge is the one that its ends differ along.
+                    // The ends of an edge differ along its axis.
                     let within =
                         if (p ^ q) >> a & 1 == 1 { along } else { i32::from(p >> a & 1 == 1) * PARTS };
                     at[a].push(low + within);
@@ -91,12 +91,12 @@ impl Crossings {
     }
 }
 
-/// Number, sums and sums of products of points, in whole numbers: below 2^15, 2^36 and 2^57.
+/// Count, sums and sums of products of points, as integers: below 2^15, 2^36 and 2^57.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Moments {
     count: i64,
     sums: [i64; 3],
-    /// Of xx, yy, zz, xy, xz, yz.
+    /// Sums of products, in the order xx, yy, zz, xy, xz, yz.
     products: [i64; 6],
 }
 

@@ -1,18 +1,18 @@
-//! How far larger leaves are from the fine cells in their place.
+//! Distances between larger leaves and the fine cells that they replace.
 
 use super::{BETWEEN, PARTS};
 
-/// Classes of distances, of which the 99th percentile is read.
+/// Classes of the histogram of distances from which the 99th percentile is read.
 const CLASSES: u32 = 256;
 
-/// Distances between the fine cells and the leaves in their place, in [`PARTS`].
+/// Distances between the fine cells and the leaves that replace them, in [`PARTS`].
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::builder) struct Distances {
     crossings: u64,
     squares: u128,
     most: u32,
     classes: Vec<u64>,
-    /// Where the last class ends.
+    /// End of the last class.
     limit: u32,
 }
 
@@ -23,7 +23,7 @@ impl Distances {
         Self { crossings: 0, squares: 0, most: 0, classes: vec![0; CLASSES as usize], limit }
     }
 
-    /// Those of a leaf's crossings, below 2^17.
+    /// Adds the distances of a leaf's crossings, below 2^17.
     #[inline(always)]
     pub(super) fn add_all(&mut self, distances: impl Iterator<Item = u32>) {
         let (mut count, mut squares, mut most) = (0, 0, self.most);
@@ -39,12 +39,12 @@ impl Distances {
         self.most = most;
     }
 
-    /// A point of a leaf's plane between the crossings is at most this far from the fine cells.
+    /// Adds the distance between the fine cells and a point of a leaf's plane between the crossings.
     pub(super) fn add_between(&mut self, distance: u32) {
         self.most = self.most.max(distance);
     }
 
-    /// Crossings of cells that stay.
+    /// Adds crossings of cells that stay, at distance 0.
     pub(super) fn add_none(&mut self, crossings: u64) {
         self.classes[0] += crossings;
         self.crossings += crossings;
@@ -57,7 +57,7 @@ impl Distances {
         self.classes.iter_mut().zip(&other.classes).for_each(|(own, more)| *own += more);
     }
 
-    /// Root of the mean square, 99th percentile (the end of its class) and greatest, in voxels of the finest spacing.
+    /// Root mean square, 99th percentile (the end of its class) and maximum, in voxels of the finest spacing.
     #[expect(clippy::cast_precision_loss, reason = "sums of small whole numbers")]
     pub(in crate::builder) fn rms_p99_most(&self) -> [f64; 3] {
         let (crossings, parts) = (self.crossings.max(1), f64::from(PARTS));

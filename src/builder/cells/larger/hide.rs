@@ -1,14 +1,14 @@
-//! A brick without the cells that cannot be seen: joined with them, so that planes are those of the whole model, and then
-//! left out.
+//! Removal of a brick's cells that cannot be seen. The cells are joined first, so that planes match those of the whole
+//! model, and then left out.
 //!
-//! A leaf stays as long as one of its cells can be seen; of the cells that are in no leaf those that can.
+//! A leaf stays as long as one of its cells can be seen; a cell outside leaves stays if it can be seen itself.
 
 use std::ops::Range;
 
 use super::{FineBrick, Joiner, LEVELS, State, WORDS};
 
 impl Joiner {
-    /// Leaves out what cannot be seen of the brick that was joined last; gives the number of cells that are left out.
+    /// Leaves out the hidden parts of the brick that was joined last; returns the number of cells left out.
     pub(in crate::builder) fn hide(&mut self, brick: &FineBrick<'_>, seen: &[u64; WORDS]) -> u64 {
         self.shown.iter_mut().zip(seen).for_each(|(own, seen)| *own &= seen);
         for e in 1..=LEVELS {
@@ -36,7 +36,7 @@ impl Joiner {
         (brick.sides.len() - stay) as u64
     }
 
-    /// Can some cell of box `at` with an edge of 2^e be seen?
+    /// True if some cell of box `at` with an edge of 2^e can be seen.
     fn shows_some(&self, at: usize, e: usize) -> bool {
         if e == 1 {
             return self.shown[at / 8].to_le_bytes()[at % 8] != 0;
@@ -45,7 +45,7 @@ impl Joiner {
         self.shown[at * words..(at + 1) * words].iter().any(|word| *word != 0)
     }
 
-    /// Calls `found` with the numbers of the cells of box `at` of 2^3 that are not hidden, in order, in runs.
+    /// Calls `found` with runs of the visible cells of box `at` of 2^3, in order.
     pub(in crate::builder) fn for_each_run_of(
         &self,
         brick: &FineBrick<'_>,

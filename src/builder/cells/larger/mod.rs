@@ -12,7 +12,7 @@
 //!    (planes of smaller leaves do not count, so that errors do not add up);
 //! 3. an offset within -127..=127 leaves every inside corner of every fine cell behind the plane;
 //! 4. every crossing is within the bound of that plane, and no outside corner of the box deeper behind it; of nine
-//!    codes around the fitted normal the first that does ([`plane`]);
+//!    codes around the fitted normal the first that satisfies this ([`plane`]);
 //! 5. where the plane cuts the box's edges, and in the middle of these points, it is within one and a half bounds of
 //!    a fine cell's polygon: planes do not jut out ([`polygon`]).
 //!
@@ -20,8 +20,8 @@
 //! rises; either all samples are inside as far as the box's corner, which is behind, or the last before one outside
 //! is an inside corner of a fine cell, which is. So no ray from outside reaches an inside sample, or a box of them.
 //!
-//! Everything follows from one aligned brick. Decisions 3 and 4 are of whole numbers, the others of IEEE operations
-//! in a fixed order.
+//! Everything depends on one aligned brick only. Decisions 3 and 4 are in integers, the others are IEEE operations in a
+//! fixed order.
 
 mod crossings;
 mod distances;
@@ -52,26 +52,27 @@ pub(in crate::builder) const LEVELS: usize = 5;
 const CELLS: usize = BRICK * BRICK * BRICK;
 /// Words of 64 cells.
 const WORDS: usize = CELLS / 64;
-/// Parts of a cell's edge in which a crossing is counted, and distances in parts of a voxel of the finest spacing.
+/// Parts of a cell's edge that crossings are measured in; also parts of a voxel of the finest spacing for distances.
 const PARTS: i32 = 1 << 16;
-/// How far a plane may be from the fine cells' polygons, in bounds.
+/// Largest distance of a plane from the fine cells' polygons, in bounds.
 const BETWEEN: f64 = 1.5;
 
-/// How far leaves may be from the surface, and how long cells are.
+/// Bound on the distance of leaves from the surface, with the shape of cells.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::builder) struct Bound {
     /// The bound, in voxels of the finest spacing.
     pub(in crate::builder) error: f64,
-    /// Spacing along each axis, in finest ones.
+    /// Spacing along each axis, in units of the finest.
     sides: [f64; 3],
-    /// One by that.
+    /// Reciprocals of `sides`.
     inverse: [f64; 3],
-    /// Diagonal of a voxel, in finest spacings, times how much that space turns normals more than index space at most.
+    /// Diagonal of a voxel, in finest spacings, times the largest ratio by which physical space turns normals more than
+    /// index space.
     diagonal: f64,
 }
 
 impl Bound {
-    /// For spacings in mm.
+    /// The bound for spacings in mm.
     pub(in crate::builder) fn new(error: f64, spacing_mm: [f64; 3]) -> Self {
         let finest = spacing_mm[0].min(spacing_mm[1]).min(spacing_mm[2]);
         let sides = spacing_mm.map(|s| s / finest);
@@ -83,14 +84,14 @@ impl Bound {
 /// The cells of a brick in Morton order.
 #[derive(Clone, Copy)]
 pub(in crate::builder) struct FineBrick<'a> {
-    /// Which cells there are: a bit each.
+    /// Occupancy of the cells, a bit each.
     pub(in crate::builder) words: &'a [u64; WORDS],
-    /// Normals and offsets, as they are stored.
+    /// Normals and offsets, as stored.
     pub(in crate::builder) codes: &'a [[u8; 2]],
     pub(in crate::builder) offsets: &'a [u8],
-    /// Corners of the cells that have them, with their numbers among the cells, which rise.
+    /// Corners of the cells that have them, by ascending cell number.
     pub(in crate::builder) corners: &'a [(u16, [i8; CORNERS])],
-    /// Corners inside of every cell, as bits.
+    /// Masks of each cell's inside corners.
     pub(in crate::builder) sides: &'a [u8],
 }
 
@@ -100,7 +101,7 @@ impl FineBrick<'_> {
         normal::decode_l1(u16::from_le_bytes(self.codes[cell]))
     }
 
-    /// How far each corner lies in front of the surface, up to a factor.
+    /// Signed distance of each corner in front of the surface, up to a factor.
     #[inline(always)]
     fn ahead(&self, cell: usize) -> [i32; CORNERS] {
         let offset = self.offsets[cell].cast_signed();
@@ -120,7 +121,7 @@ impl FineBrick<'_> {
         found.map_or([0; CORNERS], |at| self.corners[at].1.map(|c| -i32::from(c)))
     }
 
-    /// Calls `found` with the edges of a cell that are crossed, and where, from their first corner in [`PARTS`].
+    /// Calls `found` with each crossed edge of a cell and its crossing, from its first corner in [`PARTS`].
     #[inline(always)]
     fn for_each_crossing(&self, cell: usize, mut found: impl FnMut((usize, usize), i32)) {
         let (sides, ahead) = (self.sides[cell], self.ahead(cell));
@@ -132,7 +133,7 @@ impl FineBrick<'_> {
         }
     }
 
-    /// Where a crossed edge of a cell is crossed, as [`FineBrick::for_each_crossing`] has it.
+    /// Crossing of a crossed edge of a cell, as in [`FineBrick::for_each_crossing`].
     #[inline(always)]
     fn crossing(&self, cell: usize, (p, q): (usize, usize)) -> i32 {
         let ahead = self.ahead(cell);
@@ -140,10 +141,10 @@ impl FineBrick<'_> {
     }
 }
 
-/// 1.5 * 2^52: added to a number it leaves the nearest whole one in the low bits.
+/// 1.5 * 2^52: adding it to a number leaves the nearest integer in the low bits.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// One by whole numbers, in [`PARTS`]: corners of a cell's edge differ by twice a part of its normal, or of 127.
+/// Reciprocals of integers, in [`PARTS`]: corners of a cell's edge differ by twice a part of its normal, or of 127.
 const PARTS_BY: [f64; 256] = {
     let mut parts = [0.0; 256];
     let mut n = 1;
@@ -154,7 +155,7 @@ const PARTS_BY: [f64; 256] = {
     parts
 };
 
-/// Where an edge is crossed whose ends lie so far ahead of the surface, from the first in [`PARTS`].
+/// Crossing of an edge whose ends lie at these distances in front of the surface, from the first end in [`PARTS`].
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "the low bits")]
 fn crossed_at([a, b]: [i32; 2], first_is_inside: bool) -> i32 {
@@ -162,11 +163,11 @@ fn crossed_at([a, b]: [i32; 2], first_is_inside: bool) -> i32 {
         let along = f64::from(a.abs()) * PARTS_BY[(a - b).unsigned_abs() as usize % 256];
         return (along + WHOLE).to_bits() as i32;
     }
-    // The plane covers the outside corner, too.
+    // The plane covers the outside corner as well.
     if first_is_inside { PARTS } else { 0 }
 }
 
-/// Edges whose ends are on different sides, as bits, by the corners inside.
+/// Masks of the edges whose ends are on different sides, by the mask of inside corners.
 const CROSSED: [u16; 256] = {
     let mut table = [0; 256];
     let mut at = 0;
@@ -181,33 +182,33 @@ const CROSSED: [u16; 256] = {
     table
 };
 
-/// Number of such edges.
+/// Number of edges whose ends are on different sides.
 fn crossed_edges(sides: u8) -> u64 {
     CROSSED[usize::from(sides)].count_ones().into()
 }
 
-/// A box of the brick.
+/// State of a box of the brick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
     Empty,
-    /// Some of what is below does not belong to a leaf as large as this.
+    /// Some cells below do not belong to a leaf of this size.
     Inner,
-    /// With the corners inside, as bits.
+    /// A leaf, with the mask of the box's inside corners.
     Leaf(Leaf, u8),
 }
 
 /// A node of the model within a brick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::builder) enum ModelNode {
-    /// With children as in this infobyte.
+    /// A node with children as in this infobyte.
     Inner(u8),
     Leaf(Leaf),
 }
 
-/// What is known of a box all of whose cells belong to one leaf, for the box above.
+/// Sums over a box whose cells all belong to one leaf, for the box above.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    /// Of the fine cells' unit normals.
+    /// Sum of the fine cells' unit normals.
     normals: [f64; 3],
     moments: Moments,
 }
@@ -217,20 +218,20 @@ pub(in crate::builder) struct Joiner {
     bound: Bound,
     /// Boxes with an edge of 2 to 2^this may become leaves.
     levels: usize,
-    /// Coordinates of every cell, and its normal.
+    /// Coordinates and normal of every cell.
     places: Vec<[u8; 3]>,
     normals: Vec<[i8; 3]>,
-    /// Cells before each word.
+    /// Number of cells before each word.
     before: Vec<usize>,
-    /// Which cells are not hidden: a bit each.
+    /// Visibility of the cells, a bit each.
     shown: [u64; WORDS],
-    /// Crossings of the brick, or of a box where those are too many.
+    /// Crossings of the brick, or of a single box if the brick has too many.
     crossings: Crossings,
-    /// Crossings of the brick before each box of 2^3, and all of them; empty where they are too many.
+    /// Number of the brick's crossings before each box of 2^3, then their total; empty if there are too many.
     starts: Vec<u16>,
     /// Boxes with an edge of 2^(i + 1), in Morton order.
     states: [Vec<State>; LEVELS],
-    /// Of the last eight boxes with that edge.
+    /// Sums of the last eight boxes with an edge of 2^(i + 1).
     sums: [[Sums; 8]; LEVELS],
 }
 
@@ -291,7 +292,7 @@ impl Kernel for Measure<'_, '_> {
 }
 
 impl Joiner {
-    /// Memory of one.
+    /// Memory of one joiner.
     pub(in crate::builder) const BYTES: u64 = (CELLS * (3 + 3)
         + Crossings::BYTES
         + (CELLS / 7 + LEVELS) * size_of::<State>()
@@ -299,7 +300,7 @@ impl Joiner {
         + WORDS * (size_of::<usize>() + size_of::<u64>())
         + 8 * LEVELS * size_of::<Sums>()) as u64;
 
-    /// For a grid of this depth, whose root never becomes a leaf.
+    /// A joiner for a grid of this depth, whose root never becomes a leaf.
     pub(in crate::builder) fn new(bound: Bound, depth: u32) -> Self {
         Self {
             bound,
@@ -320,7 +321,7 @@ impl Joiner {
         dispatch(Join(self, brick));
     }
 
-    /// Measures how far the leaves of a brick are from its cells.
+    /// Measures the distances of a brick's leaves from its cells.
     pub(in crate::builder) fn measure(&mut self, brick: &FineBrick<'_>, distances: &mut Distances) {
         dispatch(Measure(self, brick, distances));
     }
@@ -348,7 +349,7 @@ impl Joiner {
         }));
     }
 
-    /// Makes all crossings at once, for every level, unless they are too many.
+    /// Gathers the crossings of the whole brick for all levels at once, unless they are too many.
     #[inline(always)]
     fn gather_all(&mut self, brick: &FineBrick<'_>) {
         self.crossings.clear();
@@ -365,7 +366,7 @@ impl Joiner {
         self.starts.extend(u16::try_from(self.crossings.len()));
     }
 
-    /// The crossings of box `at` with an edge of 2^e, unless they are too many.
+    /// The crossings of box `at` with an edge of 2^e; `None` if they are too many.
     #[inline(always)]
     fn crossings(&mut self, brick: &FineBrick<'_>, at: usize, e: usize) -> Option<Range<usize>> {
         let boxes = 1 << (3 * e - 3);
@@ -438,7 +439,7 @@ impl Joiner {
         fit.leaf(&sums, &crossings).map_or(State::Inner, |leaf| State::Leaf(leaf, sides))
     }
 
-    /// Calls `found` with the nodes of the model that have an edge of 2^e, in Morton order, and their places in it.
+    /// Calls `found` with the position and the node of each box with an edge of 2^e in the model, in Morton order.
     pub(in crate::builder) fn for_each_kept(&self, e: usize, mut found: impl FnMut(usize, ModelNode)) {
         for (at, state) in self.states[e - 1].iter().enumerate() {
             if e < LEVELS && self.states[e][at / 8] != State::Inner {
@@ -460,7 +461,7 @@ impl Joiner {
         below.iter().enumerate().fold(0, |mask, (i, s)| mask | u8::from(*s != State::Empty) << i)
     }
 
-    /// Calls `found` with the numbers of the cells that stay, in order, in runs.
+    /// Calls `found` with runs of the cells that stay, in order.
     pub(in crate::builder) fn for_each_run(
         &self,
         brick: &FineBrick<'_>,
@@ -474,8 +475,8 @@ impl Joiner {
     }
 }
 
-/// Corners of a box that are inside, from those of its children: corner i is child i's, and a child that is empty lies
-/// on one side, that of the box's middle, which is a corner of every other child.
+/// Mask of a box's inside corners, from its children: corner i comes from child i. An empty child lies on one side, the
+/// side of the box's middle, which is a corner of every other child.
 fn sides_of(children: &[Option<u8>; 8]) -> u8 {
     let middle = (0..8).find_map(|j| children[j].map(|sides| sides >> (7 - j) & 1)).unwrap_or(0);
     (0..8).fold(0, |bits, i| bits | children[i].map_or(middle, |sides| sides >> i & 1) << i)

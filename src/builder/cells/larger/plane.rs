@@ -1,4 +1,4 @@
-//! The plane of a larger leaf: fitted to the crossings of the fine cells, then chosen in whole numbers.
+//! The plane of a larger leaf: fitted to the crossings of the fine cells, then rounded and checked in integers.
 
 use std::ops::Range;
 
@@ -11,22 +11,22 @@ use crate::geom::{add_scaled, cross, dot, morton};
 
 /// Square of the least cosine between a fine normal and the mean: 60 degrees.
 const NEAR: f64 = 0.25;
-/// Pulls a fitted normal towards the mean of the fine ones, in square voxels of the finest spacing.
+/// Weight of the mean fine normal in the fit, in square voxels of the finest spacing.
 const PULL: f64 = 0.005;
-/// The angle between a code and one of the eight around it, at most: by (1, 1, 2) of a vector of length 127 / sqrt 3.
+/// Largest angle between a code and one of the eight around it: a step of (1, 1, 2) of a vector of length 127 / sqrt 3.
 const STEP: f64 = 0.0335;
 
-/// A larger leaf as it is stored, and how far its plane was found to be from the fine cells at the box's edges.
+/// A larger leaf as stored, and the measured distance of its plane from the fine cells at the box's edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::builder) struct Leaf {
     pub(in crate::builder) code: u16,
     pub(in crate::builder) offset: i8,
-    /// In parts of a voxel of the finest spacing.
+    /// Distance from the fine cells at the box's edges, in parts of a voxel of the finest spacing.
     pub(super) between: u32,
 }
 
 impl Leaf {
-    /// The distance of every crossing from the plane, in [`PARTS`].
+    /// Distance of every crossing from the plane, in [`PARTS`].
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the bound")]
     pub(super) fn distances<'a>(
@@ -50,7 +50,7 @@ impl Leaf {
 /// Values of a stored normal in a box: `N . (2 p - 2 low - edge)`, times [`PARTS`].
 struct Scale {
     n: [i32; 3],
-    /// Of the box's middle.
+    /// `N . (2 low + edge)`, from the box's middle.
     middle: i32,
     /// Change along the normal over a voxel of the finest spacing in [`PARTS`].
     length: f64,
@@ -103,15 +103,15 @@ pub(super) fn sum(bound: &Bound, normals: &[[i8; 3]]) -> [f64; 3] {
     })
 }
 
-/// Crossings along a stored normal.
+/// The crossings' values along a stored normal.
 struct Along {
     code: u16,
     scale: Scale,
-    /// Least and greatest value, as [`Scale::at`] has them, and the greatest of the edges' inside ends.
+    /// Least and greatest value of the crossings by [`Scale::at`], and the greatest of their edges' inside ends.
     low: i32,
     high: i32,
     highest: i32,
-    /// By how much they differ, in voxels of the finest spacing.
+    /// Difference of the least and the greatest value, in voxels of the finest spacing.
     range: f64,
 }
 
@@ -121,30 +121,30 @@ pub(super) struct Fit<'a> {
     pub(super) brick: &'a FineBrick<'a>,
     pub(super) places: &'a [[u8; 3]],
     pub(super) normals: &'a [[i8; 3]],
-    /// Cells before each word of the brick's.
+    /// Number of cells before each word of the brick.
     pub(super) before: &'a [usize],
-    /// The fine cells in it.
+    /// The fine cells in the box.
     pub(super) cells: Range<usize>,
-    /// Its lowest cell in the brick, and its edge.
+    /// Lowest cell of the box in the brick, and edge of the box.
     pub(super) low: [i32; 3],
     pub(super) edge: i32,
-    /// Its corners inside, as bits.
+    /// Mask of the box's inside corners.
     pub(super) sides: u8,
 }
 
 impl Fit<'_> {
-    /// The leaf that the box becomes, if it does.
+    /// The leaf that the box becomes; `None` if it stays.
     #[inline(always)]
     pub(super) fn leaf(&self, sums: &Sums, crossings: &Points<'_>) -> Option<Leaf> {
         let mean = self.mean_normal(sums.normals)?;
         let fitted = self.direction(mean, &sums.moments, crossings);
-        // Turned by a step, a normal's range shrinks by so much at most.
+        // Turning a normal by a step reduces the range by this at most.
         let turn = STEP * f64::from(self.edge) * self.bound.diagonal;
         if fitted.range > 2.0 * self.bound.error + turn {
             return None;
         }
         let mut leaf = self.with(&fitted);
-        // A loop: closures are not compiled for the instructions of who calls.
+        // A loop: closures are not compiled for the caller's instruction set.
         for step in AROUND {
             if leaf.is_some() {
                 break;
@@ -156,7 +156,7 @@ impl Fit<'_> {
         leaf
     }
 
-    /// The leaf with a normal, if there is one.
+    /// The leaf with a normal; `None` if it breaks a rule.
     #[inline(always)]
     fn with(&self, along: &Along) -> Option<Leaf> {
         let offset = self.offset(along)?;
@@ -164,7 +164,7 @@ impl Fit<'_> {
         Some(Leaf { code: along.code, offset, between })
     }
 
-    /// The mean of the fine normals, all within 60 degrees of it, from their sum.
+    /// The mean of the fine normals, from their sum; `None` unless all are within 60 degrees of it.
     #[inline(always)]
     fn mean_normal(&self, sum: [f64; 3]) -> Option<[f64; 3]> {
         let square = dot(sum, sum);
@@ -179,7 +179,8 @@ impl Fit<'_> {
         (length > 0.0 && are_near).then(|| sum.map(|c| c / length))
     }
 
-    /// The direction along which the crossings differ least: that of least squares near the mean normal, or this.
+    /// The direction along which the crossings vary least: least squares near the mean normal, or the mean normal
+    /// itself.
     #[inline(always)]
     fn direction(&self, mean: [f64; 3], moments: &Moments, crossings: &Points<'_>) -> Along {
         let sides = self.bound.sides;
@@ -197,7 +198,7 @@ impl Fit<'_> {
         if by_mean.range < fitted.range { by_mean } else { fitted }
     }
 
-    /// The code of a unit vector of the space of lengths.
+    /// The code of a unit vector of physical space.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
     fn code(&self, direction: [f64; 3]) -> u16 {
@@ -205,7 +206,7 @@ impl Fit<'_> {
         normal::encode([part(0), part(1), part(2)])
     }
 
-    /// How the crossings lie along a stored normal.
+    /// Extent of the crossings along a stored normal.
     #[inline(always)]
     fn along(&self, code: u16, crossings: &Points<'_>) -> Along {
         let scale = Scale::new(code, self.bound, self.low, self.edge);
@@ -214,10 +215,10 @@ impl Fit<'_> {
         Along { code, scale, low, high, highest, range }
     }
 
-    /// The offset with which a normal's plane leaves every inside corner behind it and is within the bound.
+    /// The offset at which a normal's plane has every inside corner behind it and keeps the bound.
     ///
-    /// Of the inside corners of fine cells only those are asked for that are ends of a crossed edge: from any other a step
-    /// along an edge leads higher, to such an end at last or to a corner of the box.
+    /// Only inside corners that are ends of a crossed edge are checked: from any other a step along an edge leads
+    /// higher, and finally to such an end or to a corner of the box.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "below 2^25; an offset is -127..=127")]
     fn offset(&self, along: &Along) -> Option<i8> {
@@ -229,14 +230,14 @@ impl Fit<'_> {
         }
         let step = i64::from(self.edge) * i64::from(PARTS);
         let middle = (i64::from(low) + i64::from(high) + step).div_euclid(2 * step) as i32;
-        // The inside corner of the box that is farthest ahead, and the outside one that is farthest behind.
+        // The inside corner of the box farthest ahead, and the outside one farthest behind.
         let (mut of_box, mut outside) = (i32::MIN, i32::MAX);
         for c in 0..CORNERS {
             let (at, is_inside) = (at_corner(scale.n, c), self.sides >> c & 1 == 1);
             of_box = if is_inside { of_box.max(at) } else { of_box };
             outside = if is_inside { outside } else { outside.min(at) };
         }
-        // Rounded up: behind is at most the offset.
+        // Rounded up: points behind are at most the offset.
         let least = -(-highest).div_euclid(self.edge);
         let offset = middle.max(least).max(of_box);
         if !(-normal::SCALE..=normal::SCALE).contains(&offset) {
@@ -247,7 +248,7 @@ impl Fit<'_> {
         (high - plane <= limit && plane - low <= limit && !covered).then_some(offset as i8)
     }
 
-    /// The edges of the box that a plane cuts, as bits, and how far each corner is ahead of it.
+    /// Mask of the box's edges that a plane cuts, and the value of each corner in front of it.
     #[inline(always)]
     pub(super) fn cut_edges(&self, code: u16, offset: i8) -> (u16, [i32; CORNERS]) {
         let n = normal::decode_l1(code);
@@ -260,7 +261,7 @@ impl Fit<'_> {
         (CROSSED[behind % 256], ahead)
     }
 
-    /// Where a plane cuts an edge.
+    /// The cut of a plane with an edge.
     #[inline(always)]
     pub(super) fn cut(&self, edge: usize, ahead: &[i32; CORNERS]) -> Cut {
         let (p, q) = EDGES[edge % EDGES.len()];
@@ -273,8 +274,8 @@ impl Fit<'_> {
         Cut { ends: (p, q), axis, point }
     }
 
-    /// How far a cut is from where the fine cell there crosses that very edge, in voxels of the finest spacing; infinity if
-    /// it does not.
+    /// Distance between a cut and the fine cell's crossing of the same edge, in voxels of the finest spacing; infinity
+    /// if the fine cell does not cross it.
     #[inline(always)]
     pub(super) fn along_edge(&self, cut: &Cut) -> f64 {
         let (p, q) = cut.ends;
@@ -296,7 +297,7 @@ impl Fit<'_> {
         self.cell_of([at(0), at(1), at(2)])
     }
 
-    /// The fine cell at a place of the brick, if there is one.
+    /// The fine cell at a position in the brick, if it exists.
     #[inline(always)]
     pub(super) fn cell_of(&self, [x, y, z]: [u32; 3]) -> Option<usize> {
         let code = morton::encode(x, y, z) as usize;
@@ -307,17 +308,17 @@ impl Fit<'_> {
     }
 }
 
-/// Where a plane cuts an edge of a box.
+/// Cut of a plane with an edge of a box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
-    /// The corners at its ends, and its axis.
+    /// The corners at the ends of the edge, and its axis.
     ends: (usize, usize),
     axis: usize,
-    /// In cells of the brick.
+    /// Position, in cells of the brick.
     pub(super) point: [f64; 3],
 }
 
-/// From a code to the eight around it.
+/// Steps from a code to the eight around it.
 const AROUND: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
 
 #[inline(always)]
@@ -327,8 +328,8 @@ fn stepped(code: u16, step: [i32; 2]) -> Option<u16> {
     Some(u16::from_le_bytes([component(u + step[0])?, component(v + step[1])?]))
 }
 
-/// Unit normal of the plane through points of this spread that fits them best: that of least squares among the guess, a
-/// unit vector, plus something at right angles to it, which is held small.
+/// Unit normal of the plane that fits points of this spread best: least squares over the guess, a unit vector, plus an
+/// orthogonal term that is held small.
 #[inline(always)]
 fn fitted_near(guess: [f64; 3], spread: &[[f64; 3]; 3]) -> [f64; 3] {
     let least = (0..3).fold(0, |best, a| if guess[a].abs() < guess[best].abs() { a } else { best });

@@ -1,4 +1,4 @@
-//! How far points of a larger leaf's plane are from the surface within the fine cells.
+//! Distances of points of a larger leaf's plane from the surface within the fine cells.
 
 use super::plane::Fit;
 use super::{BETWEEN, FineBrick, PARTS};
@@ -6,11 +6,11 @@ use crate::builder::cells::corner::EDGES;
 use crate::format::cell::HAS_CORNERS;
 use crate::geom::{add_scaled, dot};
 
-/// Cells of a box from which on only those around a point are looked at.
+/// Number of cells of a box from which only those around a point are tested.
 const MANY: usize = 48;
 
-/// How far the points where the plane cuts the box's edges, and their middle, are from the nearest fine polygon at most,
-/// in parts of a voxel of the finest spacing; `None` if one is too far, or the plane does not cut the box.
+/// Greatest distance of the plane's cuts with the box's edges, and of their middle, from the nearest fine polygon, in
+/// parts of a voxel of the finest spacing; `None` if one is too far, or the plane does not cut the box.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most one and a half voxels")]
 pub(super) fn between(fit: &Fit<'_>, code: u16, offset: i8) -> Option<u32> {
@@ -34,7 +34,7 @@ pub(super) fn between(fit: &Fit<'_>, code: u16, offset: i8) -> Option<u32> {
     Some((worst * f64::from(PARTS) + 0.5).floor() as u32)
 }
 
-/// Distance of a point, in cells of the brick, from the plane of a cell, if the nearest point of that is in the cell; else
+/// Distance of a point, in cells of the brick, from the plane of a cell, if its foot on the plane is in the cell; else
 /// infinity.
 #[inline(always)]
 fn within_cell(fit: &Fit<'_>, cell: usize, point: [f64; 3]) -> f64 {
@@ -46,7 +46,7 @@ fn within_cell(fit: &Fit<'_>, cell: usize, point: [f64; 3]) -> f64 {
     foot(normal, on_plane, sides, from_place)
 }
 
-/// Distance of a point from a plane, if the nearest point of that is in the cell; else infinity.
+/// Distance of a point from a plane, if its foot on the plane is in the cell; else infinity.
 #[inline(always)]
 fn foot(normal: [f64; 3], on_plane: f64, sides: [f64; 3], point: [f64; 3]) -> f64 {
     let (square, ahead) = (dot(normal, normal), dot(normal, point) - on_plane);
@@ -66,7 +66,7 @@ fn plane_of(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3]) -> Option<([f64
     (offset != HAS_CORNERS).then_some(([n[0] / sides[0], n[1] / sides[1], n[2] / sides[2]], on_plane))
 }
 
-/// How far a point, in cells of the brick, is from a fine polygon that is near enough; `None` if none is.
+/// Distance of a point, in cells of the brick, from the nearest fine polygon; `None` if all are too far.
 fn distance(fit: &Fit<'_>, point: [f64; 3], limit: f64) -> Option<f64> {
     let sides = fit.bound.sides;
     let mut nearest = f64::INFINITY;
@@ -89,7 +89,7 @@ fn distance(fit: &Fit<'_>, point: [f64; 3], limit: f64) -> Option<f64> {
     (nearest <= limit).then_some(nearest)
 }
 
-/// Calls `found` with the cells of the box whose places may be as near to a point as the limit, and some more.
+/// Calls `found` with all cells of the box that may be within the limit of a point, and some more.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places within a brick")]
 fn for_each_around(fit: &Fit<'_>, point: [f64; 3], limit: f64, found: &mut impl FnMut(usize)) {
     let range: [std::ops::RangeInclusive<u32>; 3] = std::array::from_fn(|a| {
@@ -109,8 +109,8 @@ fn for_each_around(fit: &Fit<'_>, point: [f64; 3], limit: f64, found: &mut impl 
     }
 }
 
-/// Distance of a point from the polygon in a cell, both from its lowest corner in voxels of the finest spacing; something
-/// above the limit if that is.
+/// Distance of a point from the polygon in a cell, both from its lowest corner in voxels of the finest spacing; any
+/// value above the limit if the distance exceeds it.
 fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3], limit: f64) -> f64 {
     let plane = plane_of(brick, cell, sides);
     if let Some((normal, on_plane)) = plane {
@@ -144,7 +144,7 @@ fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3],
     });
     let corners = &corners[..(count as usize).min(EDGES.len())];
     let mut nearest = f64::INFINITY;
-    // Its edges lie in the faces of the cell.
+    // Edges of the polygon lie in the faces of the cell.
     for (i, (a, (p, q))) in corners.iter().enumerate() {
         for (b, (r, s)) in &corners[i + 1..] {
             let low_face = !(p | q | r | s) & 7;
@@ -155,7 +155,7 @@ fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3],
         }
     }
     if plane.is_none() {
-        // Its inner points lie near the plane of its normal through the middle of its corners.
+        // Inner points of the polygon lie near the plane of its normal through the middle of its corners.
         let n = brick.normal(cell).map(f64::from);
         let normal: [f64; 3] = std::array::from_fn(|a| n[a] / sides[a]);
         let mean = middle.map(|c| c / f64::from(count.max(1)));

@@ -1,7 +1,7 @@
 use super::*;
 use crate::format::cell::Plane;
 
-/// Cells of a field given at samples, described by the plane of its gradient, or by their corners.
+/// Cells of a field at its samples, described by the plane of its gradient, or by their corners.
 #[derive(Default)]
 struct Cells {
     words: Vec<u64>,
@@ -12,7 +12,7 @@ struct Cells {
     places: Vec<[usize; 3]>,
 }
 
-/// Above 0 inside.
+/// Positive inside.
 type Field<'a> = dyn Fn([f64; 3]) -> f64 + 'a;
 
 fn sample(field: &Field<'_>, [x, y, z]: [usize; 3]) -> f64 {
@@ -117,7 +117,7 @@ fn crossings(cells: &Cells, cell: usize) -> Vec<[f64; 3]> {
     found
 }
 
-/// Holds the leaves of a brick to what they promise; gives their number and that of the cells that stay.
+/// Checks the guarantees of a brick's leaves; returns their number and the number of cells that stay.
 fn check(field: &Field<'_>, error: f64, spacing: [f64; 3]) -> (usize, usize) {
     let cells = Cells::new(field);
     let (bound, brick) = (Bound::new(error, spacing), cells.brick());
@@ -142,7 +142,7 @@ fn check(field: &Field<'_>, error: f64, spacing: [f64; 3]) -> (usize, usize) {
             let plane = Plane::new(leaf.code, leaf.offset);
             let n = plane.normal.map(f64::from);
             let length = (0..3).map(|a| (n[a] / side[a]).powi(2)).sum::<f64>().sqrt();
-            // In front of the plane, in voxels of the finest spacing.
+            // Distance in front of the plane, in voxels of the finest spacing.
             let ahead = |p: [f64; 3]| {
                 let u: [f64; 3] = std::array::from_fn(|a| 2.0 * (p[a] - low[a] as f64) / edge as f64 - 1.0);
                 let value = (0..3).map(|a| n[a] * u[a]).sum::<f64>() - f64::from(leaf.offset);

@@ -38,7 +38,7 @@ pub(super) struct Items {
     pub(super) count: u64,
     pub(super) number: Number,
     pub(super) shape: Shape,
-    /// The factor of a stored number, where whole numbers are parts of 1.
+    /// Factor of a stored number; whole numbers may be parts of 1.
     pub(super) scale: f64,
 }
 
@@ -62,7 +62,7 @@ pub(super) fn item<'a, T>(list: &'a [T], at: u32, part: &str) -> Result<&'a T, S
 pub(super) struct Resolver<'a> {
     pub(super) path: &'a Path,
     pub(super) own: Arc<PositionalFile>,
-    /// The binary part of a binary file.
+    /// Binary part of a binary file.
     pub(super) binary: Option<Section>,
     pub(super) limits: &'a Limits<'a>,
     /// Every other file that the mesh is read from.
@@ -263,7 +263,7 @@ impl Items {
         Ok(numbers)
     }
 
-    /// As vertices of three numbers, of two the last twice.
+    /// Vertices of three numbers; pairs repeat their second.
     pub(super) fn vertices(&self) -> Result<Vertices, Stop> {
         let width = usize::try_from(self.number.bytes()).unwrap_or(4);
         let last = if self.shape == Shape::Two { 1 } else { 2 };

@@ -1,6 +1,6 @@
 //! The description of a glTF file (Khronos glTF 2.0, section 5), as far as it concerns triangles and their looks.
 //!
-//! Data that are written into it stay where they are: of such a string only its place is kept.
+//! Data written into it are not copied: only the place of such a string is kept.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::super::stream::{Stream, mark};
 use crate::mesh::read::stop::{bad_text, cut_short, gltf_version};
 use crate::platform::PositionalFile;
 
-/// Memory of an object of the description, and of an item of a list, at most.
+/// Most memory of an object of the description, and of an item of a list.
 const OBJECT_BYTES: u64 = 320;
 const ITEM_BYTES: u64 = 16;
 
@@ -116,7 +116,7 @@ pub(super) struct Primitive {
     pub(super) indices: Option<u32>,
     pub(super) material: Option<u32>,
     pub(super) mode: Option<u32>,
-    /// Are there shapes that it may be moved to?
+    /// Shapes that it may be moved to.
     #[serde(default)]
     pub(super) targets: Vec<IgnoredAny>,
     #[serde(default)]
@@ -183,7 +183,7 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// Numbers of an item, for all but matrices.
+    /// Numbers of an item; `None` for matrices and unknown shapes.
     pub(super) fn parts(self) -> Option<u64> {
         match self {
             Self::Scalar => Some(1),
@@ -267,7 +267,7 @@ pub(super) struct Texture {
     pub(super) extensions: TextureExtensions,
 }
 
-/// Images of kinds that the standard does not have.
+/// Images of kinds outside the standard.
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct TextureExtensions {
     #[serde(rename = "KHR_texture_basisu")]
@@ -292,7 +292,7 @@ pub(super) struct Sampler {
     pub(super) wrap_t: Option<u32>,
 }
 
-/// Where the characters of a `data:` string are in the file, without the quotes.
+/// Location of the characters of a `data:` string in the file, without the quotes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Embedded {
     pub(super) offset: u64,
@@ -320,7 +320,7 @@ pub(super) fn read(
     // Unknown parts nest as deep as the crate allows: 128 levels.
     let text = text.get(mark(&text)?..).unwrap_or_default();
     let root: Root = serde_json::from_slice(text).map_err(|e| match e.line() {
-        // There is no line.
+        // The error has no line.
         0 => cut_short(),
         _ if is_version_1(text) => gltf_version("1"),
         line => bad_text(line as u64),
@@ -351,7 +351,7 @@ fn is_version_1(text: &[u8]) -> bool {
         || serde_json::from_slice::<Named>(text).is_ok()
 }
 
-/// The text without what `data:` strings hold.
+/// The text without the content of `data:` strings.
 fn condensed(
     file: &PositionalFile,
     offset: u64,
@@ -362,7 +362,7 @@ fn condensed(
     let mut stream = Stream::new(file, offset);
     let (mut text, mut embedded) = (Vec::new(), Vec::<Embedded>::new());
     let mut needed = 0_u64;
-    // Bytes of text that were given up, as there is no room; what all of it takes is still counted.
+    // Bytes of text given up for lack of memory; the memory for all of it is still counted.
     let mut given_up = 0;
     // Bytes since the quote that began the string; `None` between strings.
     let mut within: Option<u64> = None;

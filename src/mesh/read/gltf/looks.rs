@@ -8,7 +8,7 @@ use super::buffers::{Buffers, Resolver, item, out_of_range};
 use super::json::{Described, TextureExtensions, TextureUse};
 use crate::fault::bad;
 
-/// Which set of coordinates a material's texture is laid by.
+/// Set of coordinates of a material's texture.
 pub(super) fn texcoord(described: &Described, material: u32) -> u32 {
     let material = described.root.materials.get(material as usize);
     let used = material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref());
@@ -45,7 +45,7 @@ fn texture(
     images: &mut [Option<Arc<Image>>],
 ) -> Result<Texture, Stop> {
     let texture = item(&described.root.textures, used.index, "a texture")?;
-    // Only an extension says where the image is.
+    // The image is named by an extension only.
     let Some(source) = texture.source else {
         let TextureExtensions { basis, webp, avif } = &texture.extensions;
         let kinds = [(basis, "KTX2"), (webp, "WebP"), (avif, "AVIF")];

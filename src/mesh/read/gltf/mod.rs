@@ -1,15 +1,15 @@
 //! glTF 2.0 (Khronos), binary or as text with its buffers next to it or within.
 //!
-//! The description is held in memory, as much as there is room for; vertices and corners of triangles are read from
-//! the buffers where they lie. Nodes are walked anew in every pass. Metres with the y axis up become millimetres of
-//! the patient's axes with the head up, as the export of models has it the other way round: x, -z, y.
+//! The description is held in memory, as far as it fits; vertices and corners of triangles are read in place from the
+//! buffers. Nodes are walked anew in every pass. Metres with the y axis up become millimetres of the patient's axes
+//! with the head up, the inverse of the export of models: x, -z, y.
 //!
 //! | part | what it holds |
 //! |---|---|
 //! | `json` | the description |
 //! | `buffers` | bytes and items |
 //! | `looks` | materials and textures |
-//! | `posed` | skins at rest, and meshes that are placed many times |
+//! | `posed` | skins at rest, and meshes with several copies |
 
 mod buffers;
 mod json;
@@ -36,10 +36,10 @@ use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 use posed::{BentMeshes, Copies, bent_meshes};
 
-/// Triangles of a file that may be much smaller than its model, and more for each of its bytes.
+/// Most triangles of a file, which may be much smaller than its model, and more for each of its bytes.
 pub(super) const MAX_TRIANGLES: u64 = 1 << 23;
 pub(super) const MAX_TRIANGLES_PER_BYTE: u64 = 4;
-/// From metres with y up to millimetres with z up.
+/// Metres with y up to millimetres with z up.
 const UPRIGHT: Affine =
     Affine { rows: [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]] };
 const IDENTITY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
@@ -58,12 +58,12 @@ impl std::fmt::Debug for Gltf {
     }
 }
 
-/// Does it begin like a binary file?
+/// True if it begins like a binary file.
 pub(super) fn is_binary(head: &[u8]) -> bool {
     head.starts_with(b"glTF")
 }
 
-/// How the corners of a primitive make triangles.
+/// Rule by which the corners of a primitive make triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Triangles,
@@ -71,7 +71,7 @@ enum Mode {
     Fan,
 }
 
-/// A primitive with what it names.
+/// A primitive and its items.
 struct PrimitiveItems {
     mode: Mode,
     positions: Items,
@@ -80,7 +80,7 @@ struct PrimitiveItems {
     colors: Option<Items>,
     places: Option<Items>,
     material: u32,
-    /// Are its triangles mirrored before they are placed?
+    /// True if its triangles are mirrored before they are placed.
     mirrored: bool,
 }
 
@@ -97,7 +97,7 @@ impl PrimitiveItems {
 /// Description and binary part of a binary file: offset and length of each.
 type Chunks = ((u64, u64), Option<(u64, u64)>);
 
-/// Finds them (section 4).
+/// Finds the chunks (section 4).
 fn chunks(file: &PositionalFile, bytes: u64) -> Result<Chunks, Stop> {
     let mut stream = Stream::new(file, 0);
     let four = |raw: [u8; 4]| u64::from(u32::from_le_bytes(raw));
@@ -137,7 +137,7 @@ const DRACO: &str = "is compressed with Draco, which is not read; export it with
 const MESHOPT: &str = "is compressed with meshopt, which is not read; export it without compression";
 const BASIS: &str = "has KTX2 textures, which are not read; write them as PNG or JPEG";
 
-/// Refuses what cannot be read without an extension.
+/// Refuses files that need an unknown extension.
 fn check_extensions(required: &[String]) -> Result<(), Stop> {
     for name in required {
         let fault = match name.as_str() {
@@ -200,8 +200,8 @@ pub(super) fn open(
 }
 
 impl Gltf {
-    /// Checks every mesh once, counts triangles, and returns how many nodes have a mesh, and whether one of these would
-    /// be moved to other shapes.
+    /// Checks every mesh once, counts triangles, and returns the number of nodes with a mesh, and true if weights would
+    /// move one of these to another shape.
     fn check(&self, bytes: u64) -> Result<(u64, bool), Stop> {
         let most = MAX_TRIANGLES + bytes.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
@@ -241,7 +241,7 @@ impl Gltf {
         Ok((parts, morphs))
     }
 
-    /// Calls `each` with every node of the scene and how it is placed.
+    /// Calls `each` with every node of the scene and its affine.
     fn walk(&self, each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
         let root = &self.described.root;
         let roots: Vec<u32> = match (root.scene, root.scenes.first()) {

@@ -18,11 +18,11 @@ const JOINT_BYTES: u64 = 256;
 pub(super) struct Bent {
     pub(super) positions: Items,
     pub(super) normals: Option<Items>,
-    /// Do the joints mirror it?
+    /// True if the joints mirror it.
     pub(super) mirrored: bool,
 }
 
-/// By numbers of nodes, and of primitives of their meshes.
+/// Bent primitives, by numbers of nodes, and of primitives of their meshes.
 pub(super) type BentMeshes = BTreeMap<(usize, usize), Bent>;
 
 /// Places of the copies of a mesh (EXT_mesh_gpu_instancing).
@@ -32,7 +32,7 @@ pub(super) struct Copies {
 }
 
 impl Copies {
-    /// Of a node; a single one, if nothing else is stated. A skin says itself where the mesh is.
+    /// Copies of a node's mesh; a single one, if nothing else is stated. A skin places the mesh itself.
     pub(super) fn of(gltf: &Gltf, node: &Node) -> Result<Self, Stop> {
         let single = Self { parts: [None, None, None], count: 1 };
         let Some(Instancing { attributes }) = &node.extensions.instancing else { return Ok(single) };
@@ -57,7 +57,7 @@ impl Copies {
         Ok(copies)
     }
 
-    /// How one of them is placed within the node.
+    /// Affine of a copy within the node.
     pub(super) fn place(&self, at: u64) -> Result<Affine, Stop> {
         let get = |part: usize| self.parts[part].as_ref().map(|items| items.at(at)).transpose();
         let [translation, rotation, scale] = [get(0)?, get(1)?, get(2)?];
@@ -124,7 +124,7 @@ pub(super) fn bent_meshes(gltf: &Gltf, limits: &Limits<'_>) -> Result<BentMeshes
     Ok(bent)
 }
 
-/// Every vertex where its joints take it, by their weights; `None` for a primitive without weights.
+/// Every vertex as its joints place it, by their weights; `None` for a primitive without weights.
 fn bend(
     gltf: &Gltf,
     primitive: &Primitive,

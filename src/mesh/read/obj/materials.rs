@@ -51,7 +51,7 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The number of a material; [`NONE`] for an unknown one, of which a note is kept where a library was read.
+    /// The number of a material; [`NONE`] for an unknown one, which is noted where a library was read.
     pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
         let number = self.numbers.get(name).copied();
         if number.is_none() && !self.all.is_empty() {
@@ -71,7 +71,7 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// All of them, and the files of the mesh.
+    /// Summary of all materials, and the files of the mesh.
     pub(super) fn summary(self) -> Summary {
         let Self { all: materials, files, lacks, held_bytes, .. } = self;
         Summary { materials, files, lacks, held_bytes, ..Summary::default() }
@@ -101,7 +101,7 @@ impl<'a> Materials<'a> {
         if name.is_empty() {
             return Ok(());
         }
-        // Several names, where there is no file whose name has spaces.
+        // The text is several names, if there is no file with spaces in its name.
         let mut names = name.split_whitespace();
         if names.clone().count() > 1
             && names.clone().all(|name| name.to_lowercase().ends_with(".mtl"))
@@ -206,7 +206,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// The first word, and what follows.
+/// The first word, and the rest.
 fn split(text: &str) -> (&str, &str) {
     let text = text.trim_start();
     text.split_once(char::is_whitespace).map_or((text, ""), |(word, rest)| (word, rest.trim_start()))

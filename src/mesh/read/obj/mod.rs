@@ -1,4 +1,4 @@
-//! OBJ: text, read once; vertices, triangles and their looks wait in scratch files. Materials are those of MTL.
+//! OBJ: text, read once; vertices, triangles and their looks wait in scratch files. Materials come from MTL.
 //!
 //! The statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
 //! second coordinate of places runs up.
@@ -21,7 +21,7 @@ use materials::Materials;
 
 /// Marks a corner without a place or a normal.
 const NONE: u32 = u32::MAX;
-/// Bytes of what a triangle carries: places, normals and colours of its corners, and its material.
+/// Bytes of a triangle's look: places, normals and colours of its corners, and its material.
 const CARRIED: usize = 40;
 
 #[derive(Debug)]
@@ -167,7 +167,7 @@ impl Obj {
         self.faces.for_each(each)
     }
 
-    /// Calls `each` with every triangle and what it carries.
+    /// Calls `each` with every triangle and its look.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut part = self.parts.each();
         let Some(carried) = &self.carried else {
@@ -254,7 +254,7 @@ fn face(
                 let mut other = |count: u64, named: &mut bool| {
                     let at = part(parts.next(), count, number).map_err(|()| words.wrong())?;
                     *named |= !matches!(at, Ok(None));
-                    // What is nowhere in the file so far may come; the shape does not need it.
+                    // A number may point to values that come later; the shape does not need them.
                     Ok::<_, Stop>(
                         at.or_else(|stop| if count == 0 { Ok(None) } else { Err(stop) })?.unwrap_or(NONE),
                     )
@@ -270,8 +270,8 @@ fn face(
     }
 }
 
-/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` for an empty one. Refused: all but numbers,
-/// and numbers of vertices that do not exist yet.
+/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` for an empty one. Refuses other texts, and
+/// numbers of vertices that do not exist yet.
 #[inline]
 fn part(word: Option<&[u8]>, count: u64, face: u64) -> Result<Result<Option<u32>, Stop>, ()> {
     let Some(word) = word.filter(|word| !word.is_empty()) else { return Ok(Ok(None)) };

@@ -1,4 +1,4 @@
-//! From an archive to its texts: the root, and those that its parts name.
+//! Texts of an archive: the root, and those that its parts name.
 
 use std::io::Read;
 use std::sync::Arc;
@@ -14,13 +14,13 @@ use super::model::Reader;
 use crate::mesh::read::stop::bad_reference;
 use crate::platform::PositionalFile;
 
-/// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
+/// Usual name of the text, and the file that may name another one (ECMA-376-2, 9.3).
 const USUAL: &str = "3D/3dmodel.model";
 const RELATIONS: &str = "_rels/.rels";
 const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 const MAX_TEXTS: usize = 4096;
 
-/// The archive, its root text, and of how many this is the first.
+/// The archive, its root text, and the number of root texts that it lists.
 pub(super) fn root(file: &PositionalFile, bytes: u64) -> Result<(Archive, Member, u64), Stop> {
     let archive = Archive::open(file, bytes)?;
     let mut target = USUAL.to_owned();
@@ -31,7 +31,7 @@ pub(super) fn root(file: &PositionalFile, bytes: u64) -> Result<(Archive, Member
             match xml.next()? {
                 Event::Done => break,
                 Event::Start { .. } if xml.name() == b"Relationship" && xml.raw(b"Type") == Some(KIND) => {
-                    // Of several the first counts.
+                    // The first of several counts.
                     starts += 1;
                     if starts == 1 {
                         target = xml.text(xml.raw(b"Target"))?.unwrap_or(target);
@@ -45,7 +45,7 @@ pub(super) fn root(file: &PositionalFile, bytes: u64) -> Result<(Archive, Member
     Ok((archive, member.ok_or_else(|| bad_reference("a part of the archive"))?, starts))
 }
 
-/// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
+/// Reads all texts of an archive; also returns the memory that is held, and the number of inflated bytes.
 pub(super) fn read(
     file: PositionalFile,
     bytes: u64,
@@ -59,7 +59,7 @@ pub(super) fn read(
     }
     reader.text(first.open(&file)?, 0)?;
     let mut done = 1;
-    // Texts that parts name, those of these included.
+    // Texts that parts name, including parts of these texts.
     while done < reader.texts.len() {
         if reader.texts.len() > MAX_TEXTS {
             return Err(bad_reference("a part of the archive").into());

@@ -92,7 +92,7 @@ impl Reader<'_> {
         self.left_out += left_out as u64;
     }
 
-    /// Leaves runs of triangles of a mesh out, in their order: what stays of it become objects of their own.
+    /// Leaves out runs of triangles of a mesh, in their order: the rest becomes objects of their own.
     fn leave_runs_out(&mut self, object: u32, runs: impl Iterator<Item = [u32; 2]>) -> Result<(), Stop> {
         let Some(Object::Mesh([first, vertices, from, count])) = self.objects.get(&(0, object)).cloned()
         else {

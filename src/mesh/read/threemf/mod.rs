@@ -7,8 +7,8 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `model` | the text |
-//! | `archive` | what the archive leads to |
-//! | `marked` | what slicers mark as not to be printed |
+//! | `archive` | the texts of the archive |
+//! | `marked` | objects and parts that slicers mark as not to be printed |
 
 mod archive;
 mod marked;
@@ -27,16 +27,16 @@ use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_index, bad_reference, bad_transform, recursion, too_many_triangles};
 use crate::platform::PositionalFile;
 
-/// Bytes of a triangle in its file: corners, and with looks the values at these and what they mean.
+/// Bytes of a triangle in its file: corners, and with looks the values at these and their meaning.
 const RECORD: usize = 12;
 const LOOKED: usize = 28;
 /// Marks a triangle without values; others have colours, or places in the texture of this number.
 const PLAIN: u32 = u32::MAX;
 const COLORED: u32 = u32::MAX - 1;
-/// How deep objects may hold objects.
+/// Greatest depth of objects in objects.
 const MAX_DEPTH: usize = 64;
 
-/// Is called with first vertex, vertices, first triangle and triangles of a mesh, and how it is placed.
+/// Receives first vertex, vertices, first triangle and triangles of a mesh, and its placement.
 type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
 
 /// An object by its number, in the text of this number.
@@ -94,7 +94,7 @@ pub(super) fn open(
 }
 
 impl ThreeMf {
-    /// Counts triangles, however often objects hold the same ones; returns how many meshes are built.
+    /// Counts triangles as often as objects hold them; returns the number of meshes that are built.
     fn check(&self, inflated: u64) -> Result<u64, Stop> {
         let most = MAX_TRIANGLES + inflated.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let (mut all, mut parts) = (0_u64, 0);
@@ -107,11 +107,11 @@ impl ThreeMf {
         Ok(parts)
     }
 
-    /// Calls `each` with every mesh that is built and how it is placed.
+    /// Calls `each` with every mesh that is built and its affine.
     fn walk(&self, each: &mut EachMesh<'_>) -> Result<(), Stop> {
         let mut steps = 0_u64;
         for item in &self.contents.items {
-            // Parts of an object that are still to come, of each object on the way.
+            // The remaining parts of each object on the way.
             let mut way: Vec<(&[Instance], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
             while let Some((left, parent)) = way.last_mut() {
                 let Some((first, rest)) = left.split_first() else {

@@ -1,4 +1,4 @@
-//! The text of a 3MF file: objects, what they are coloured with, and what is built.
+//! The text of a 3MF file: objects, their colours, and the items to be built.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -15,7 +15,7 @@ use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_index, bad_reference, cut_short, unread_extension};
 use crate::text::shown;
 
-/// Namespaces of what is read besides the core.
+/// Namespaces that are read besides the core.
 const PRODUCTION: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
 const MATERIAL: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/material/2015/02";
 const SLICE: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/slice/2015/07";
@@ -41,7 +41,7 @@ const MIXED: &str =
 /// A group of values that triangles name.
 #[derive(Clone, Copy, Debug)]
 struct Group {
-    /// Number of its first value, and values.
+    /// Index of its first value, and number of its values.
     first: u32,
     count: u32,
     /// [`COLORED`], or the number of a texture.
@@ -163,7 +163,7 @@ impl<'a> Reader<'a> {
                 if xml.name() == b"beamlattice" {
                     return Err(beams().into());
                 }
-                // What stands in elements of other namespaces belongs to these.
+                // Elements of other namespaces own their content.
                 if !empty {
                     xml.skip_element()?;
                 }
@@ -239,7 +239,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Takes an element that says what triangles are coloured with.
+    /// Takes an element of the materials of triangles.
     fn material<R: Read>(
         &mut self,
         xml: &Xml<R>,
@@ -420,7 +420,7 @@ fn unit_mm(name: &[u8]) -> Option<f64> {
     })
 }
 
-/// Twelve numbers: where the axes lead, then the origin, in units of the text.
+/// Twelve numbers: the images of the axes, then the origin, in units of the text.
 fn transform(text: &[u8], unit: f64) -> Option<Affine> {
     let text = std::str::from_utf8(text).ok()?;
     let mut numbers = [0.0; 12];

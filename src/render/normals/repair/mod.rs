@@ -1,17 +1,15 @@
-//! The side of a surface that is shown: normals that the skin around a hit contradicts give way to its own.
+//! The visible side of a surface: stored normals that the skin around a hit contradicts are replaced by the skin's own.
 //!
-//! A stored normal is the gradient of the values. Within a sheet one voxel thick, such as a scanner's table or
-//! the wall of a label, and in a single slice, the values are alike on both sides: the gradient is noise, or it
-//! lies in the sheet, and shading by it gives dark and light bands. The skin itself is reliable. A
-//! ray comes in by a face of a voxel that is open towards the eye; of a surface of voxels only faces near its
-//! direction are open wide. So where the stored normal is far from that face's, a plane is fitted to the skin
-//! within two boxes of the hit that is connected with it, and as far as the stored normal lies in that plane
-//! the plane's takes its place.
+//! A stored normal is the gradient of the values. Within a sheet one voxel thick, such as a scanner's table or the wall
+//! of a label, and in a single slice, the values are alike on both sides: the gradient is noise, or it lies in the
+//! sheet, and shading by it gives dark and light bands. The skin itself is reliable. A ray enters by a face of a voxel
+//! that is open towards the eye; on a surface of voxels only faces near its direction are open widely. So where the
+//! stored normal is far from that face's, a plane is fitted to the skin within two boxes of the hit that is connected
+//! with it, and the plane's normal replaces the stored one to the extent that the stored one lies in the plane.
 //!
-//! All this is counted in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a stair
-//! whose stored normals are right, and they stay. Memory: [`Surroundings`] for each thread. Cost: a
-//! few nanoseconds where the stored normal is near the face's, else a look at the boxes around, some 0.2
-//! microseconds.
+//! All distances are in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a staircase
+//! whose stored normals are right, and they stay. Memory: [`Surroundings`] for each thread. Cost: a few nanoseconds
+//! where the stored normal is near the face's, else a look-up of the boxes around, some 0.2 microseconds.
 
 mod plane;
 pub(in crate::render) mod tile;
@@ -23,22 +21,22 @@ use super::around::Surroundings;
 use crate::render::ray::Face;
 use plane::{Around, nearest_plane};
 
-/// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
-/// up to 1: some 25 degrees.
+/// Distance up to which two stored normals agree, as the sum of the differences of their components, whose sizes add up
+/// to 1: some 25 degrees.
 const AGREE: f64 = 0.5;
 
-/// The four boxes before and the four behind in the order of the file mostly lie around the box. At most this many of
-/// their normals agree with its own where all of them are noise; at an edge, four do.
+/// The four boxes before and the four after in file order mostly lie around the box. At most this many of their normals
+/// agree with its own where all of them are noise; at an edge, four do.
 const MAX_BY_CHANCE: u32 = 3;
 
-/// How a normal agrees with those of the boxes around.
+/// Agreement of a normal with the normals of the boxes around.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Neighbourhood {
-    /// They are as it is.
+    /// They agree.
     Calm,
     /// Some differ: an edge, a narrow bend, or a sheet.
     Mixed,
-    /// Hardly any is as it is.
+    /// Hardly any agree.
     Noise,
 }
 
@@ -53,8 +51,8 @@ impl Neighbourhood {
     }
 }
 
-/// The neighbourhood by the boxes before and behind in the order of the file; `agrees` answers whether the one
-/// so far away has a normal [`alike`], or none.
+/// The neighbourhood by the boxes before and after in file order; `agrees` tells whether the box at a distance has a
+/// normal [`alike`], or none.
 #[inline]
 pub(super) fn neighbourhood(agrees: impl Fn(i64) -> bool) -> Neighbourhood {
     if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
@@ -64,8 +62,8 @@ pub(super) fn neighbourhood(agrees: impl Fn(i64) -> bool) -> Neighbourhood {
     if agreeing <= MAX_BY_CHANCE { Neighbourhood::Noise } else { Neighbourhood::Mixed }
 }
 
-/// [`neighbourhood`] of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
-/// and behind it.
+/// [`neighbourhood`] for normals of 16 bits in cubic boxes: the codes of the box in the middle, and of the four before
+/// and after it.
 #[inline]
 pub(super) fn neighbourhood_of(codes: &[u16; 9]) -> Neighbourhood {
     let mut row = [0; tile::PLACES];
@@ -74,7 +72,7 @@ pub(super) fn neighbourhood_of(codes: &[u16; 9]) -> Neighbourhood {
     Neighbourhood::of_flags(calm, noise)
 }
 
-/// Do two normals of any length agree, or one and what is opposite to the other?
+/// True if two normals of any length agree, or one with the opposite of the other.
 #[inline]
 pub(super) fn alike(one: [f64; 3], other: [f64; 3]) -> bool {
     let (one, other) = (scaled(one), scaled(other));
@@ -82,49 +80,48 @@ pub(super) fn alike(one: [f64; 3], other: [f64; 3]) -> bool {
     apart(1.0) < AGREE || apart(-1.0) < AGREE
 }
 
-/// [`alike`] for normals whose parts' sizes add up to `size`: whole numbers in boxes that are cubes.
+/// [`alike`] for normals whose components' sizes add up to `size`: integers in cubic boxes.
 #[inline]
 pub(super) fn alike_whole(one: [i32; 3], other: [i32; 3], size: i32) -> bool {
     let apart = |sign: i32| (0..3).map(|a| (one[a] - sign * other[a]).abs()).sum::<i32>();
     2 * apart(1).min(apart(-1)) < size
 }
 
-/// At a sum of sizes of 1.
+/// A vector scaled to a sum of sizes of 1.
 #[inline]
 fn scaled(n: [f64; 3]) -> [f64; 3] {
     let size = n[0].abs() + n[1].abs() + n[2].abs();
     n.map(|c| c / size)
 }
 
-/// Cosine between a stored normal and the face's from which on it is taken as it is: some axis is that near to
-/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more. In mixed neighbourhood more is
-/// asked for.
+/// Cosine between a stored normal and the face's from which it is kept: some axis is that near to any direction (1 /
+/// sqrt 3), so the widest face of a sound surface never requires more. A mixed neighbourhood requires more.
 const NEAR_FACE: f64 = 0.57;
 const NEAR_FACE_MIXED: f64 = 0.85;
 
-/// Over this much below [`NEAR_FACE`] the fitted plane gains its say, so that no edge shows where it sets in.
+/// Range below [`NEAR_FACE`] over which the fitted plane gains weight, so that its onset shows no edge.
 const FADE: f64 = 0.15;
 
-/// The same for the cosine between the stored normal and that of the plane: a fit to some twenty boxes is within
-/// 30 degrees of a sound surface's normal.
+/// Limits of the cosine between the stored normal and the plane's: a fit to some twenty boxes is within 30 degrees of a
+/// sound surface's normal.
 const NEAR_PLANE: f64 = 0.85;
 const FAR_FROM_PLANE: f64 = 0.6;
 
-/// Part of the boxes' scatter that is along the plane's normal: up to the first they form a plane, from the second
-/// on a rod or a lump, whose stored normals are better than a plane.
+/// Part of the boxes' scatter along the plane's normal: up to the first they form a plane, from the second on a rod or
+/// a lump, whose stored normals are better than a plane.
 const FLAT: f64 = 0.1;
 const NOT_FLAT: f64 = 0.18;
 
 /// A box that a ray hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Struck {
-    /// Its breadth-first number.
+    /// Breadth-first number of the box.
     pub(super) number: u64,
-    /// Where the ray came in, in boxes of its size.
+    /// Point of entry of the ray, in boxes of its size.
     pub(super) at: [f64; 3],
-    /// Base-2 logarithm of its edge.
+    /// Base-2 logarithm of the box's edge.
     pub(super) edge_log2: u32,
-    /// The face by which the ray came in.
+    /// The face of entry.
     pub(super) face: Face,
 }
 
@@ -134,11 +131,11 @@ enum Verdict {
     Keep,
     /// It belongs to the far side of something thin.
     Turn,
-    /// The skin around is asked.
+    /// It needs a comparison with the skin around.
     Doubt,
 }
 
-/// `along` is the cosine between the stored normal and the face that was hit.
+/// Judges a stored normal; `along` is its cosine with the face that was hit.
 #[inline]
 fn judge(along: f64, neighbourhood: Neighbourhood) -> Verdict {
     let near = nearness(neighbourhood);
@@ -153,14 +150,14 @@ fn judge(along: f64, neighbourhood: Neighbourhood) -> Verdict {
     }
 }
 
-/// How near to a face a normal in this neighbourhood is taken as it is.
+/// Least cosine with a face for a normal in this neighbourhood to be kept.
 #[inline]
 fn nearness(neighbourhood: Neighbourhood) -> f64 {
     if neighbourhood == Neighbourhood::Calm { NEAR_FACE } else { NEAR_FACE_MIXED }
 }
 
-/// The normal that is shown of a stored one, both in the frame of the boxes (any length, each axis in its own
-/// spacing); `None` where the stored one stays. `struck` is asked for what was hit only where that matters.
+/// The displayed normal for a stored one, both in the frame of the boxes (any length, each axis in its own spacing);
+/// `None` where the stored one stays. `struck` is only called where the details of the hit matter.
 #[inline]
 pub(super) fn shown(
     view: &ModelView<'_>,
@@ -185,7 +182,7 @@ fn along(face: Face, stored: [f64; 3]) -> f64 {
     stored[usize::from(face.axis % 3)] * outward / dot(stored, stored).sqrt()
 }
 
-/// The normal of a hit whose stored one is in doubt: as [`shown`].
+/// The normal of a hit whose stored one is doubtful, like [`shown`].
 fn fitted(
     view: &ModelView<'_>,
     around: &mut Surroundings,
@@ -201,7 +198,7 @@ fn fitted(
     (share > 0.0).then_some(shown)
 }
 
-/// The scatter of the connected boxes around the one that was struck; `None` where that is not found.
+/// The scatter of the connected boxes around the hit; `None` where the hit box is not found.
 #[inline]
 pub(super) fn scatter_around(
     view: &ModelView<'_>,
@@ -211,8 +208,8 @@ pub(super) fn scatter_around(
     Some(Around::of(view, around, struck)?.scatter())
 }
 
-/// The mean of a stored normal in doubt and the plane that fits boxes of this scatter, and the plane's share in
-/// it; the stored one stays where that is 0.
+/// The mean of a doubtful stored normal and the plane that fits boxes of this scatter, and the plane's weight in it;
+/// the stored one stays where that is 0.
 #[inline(always)]
 fn settled(scatter: [f64; 6], face: [f64; 3], stored: [f64; 3], near: f64, noise: bool) -> (f64, [f64; 3]) {
     let (plane, thick) = nearest_plane(scatter, face);
@@ -229,7 +226,7 @@ fn settled(scatter: [f64; 6], face: [f64; 3], stored: [f64; 3], near: f64, noise
     (share, [mixed(x, plane[0]), mixed(y, plane[1]), mixed(z, plane[2])])
 }
 
-/// 1 up to `all`, 0 from `none` on, and straight between.
+/// Linear ramp: 1 up to `all`, 0 from `none` on.
 #[inline(always)]
 fn ramp(value: f64, all: f64, none: f64) -> f64 {
     let share = (none - value) / (none - all);
@@ -254,7 +251,7 @@ mod tests {
         tree((0..256).map(|i| [i % 16, i / 16, height(i % 16, i / 16)]))
     }
 
-    /// The box of a cell, as a ray from above meets it.
+    /// The hit of a ray from above with the box of a cell.
     fn struck(tree: &MemoryTree, [x, y, z]: [u32; 3]) -> Struck {
         let mut number = BoxIndex::ROOT;
         for level in (0..4).rev() {
@@ -291,7 +288,7 @@ mod tests {
         let hit = struck(&flat, [7, 8, 5]);
         assert_eq!(of(&flat, hit, [0.3, 0.3, 0.9]), None);
         assert_eq!(of(&flat, hit, [0.0, 0.1, -0.9]), Some([0.0, -0.1, 0.9]));
-        // The tread of a gentle slope, met by its rise: the normal is far from that face, and right.
+        // The tread of a gentle slope, hit at its rise: the normal is far from that face, and right.
         let steps = sheet(|x, _| x / 4);
         let mut rise = struck(&steps, [7, 8, 1]);
         rise.face = Face { axis: 0, high: true };
@@ -328,7 +325,7 @@ mod tests {
         assert!(of(&flat, hit, [1.0, 0.0, 0.0]).is_some());
         hit.at[0] = 12.5;
         assert_eq!(of(&flat, hit, [1.0, 0.0, 0.0]), None);
-        // Boxes of a line and a single one: the face decides.
+        // A line of boxes and a single one: the face decides.
         let line = tree((0..16).map(|y| [7, y, 5]));
         let n = of(&line, struck(&line, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
         assert!(n[2] > 0.99, "{n:?}");

@@ -8,12 +8,12 @@ use super::Struck;
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
 const FACE_WEIGHT: f64 = 1e-3;
 
-/// Which boxes near one are skin, as [`Surroundings::window`] gives it: bit `x + 5 y + 25 z`.
+/// Occupancy near a box, from [`Surroundings::window`]: bit `x + 5 y + 25 z`.
 pub(super) struct Around(pub(super) u128);
 
 impl Around {
-    /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
-    /// come out in a neighbour.
+    /// The boxes around the hit; `None` where the hit box is not found: a hit's point is rounded, and may fall into a
+    /// neighbour.
     pub(super) fn of(view: &ModelView<'_>, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
@@ -64,8 +64,8 @@ impl Around {
         piece
     }
 
-    /// For the connected boxes: their count times the sums of products of their places, less the products of the sums:
-    /// their scatter times the count squared, all whole numbers. Elements as in [`PAIRS`].
+    /// For the connected boxes: their count times the sums of products of their positions, less the products of the
+    /// sums: their scatter times the count squared, all integers. Elements in the order of [`PAIRS`].
     pub(super) fn scatter(&self) -> [f64; 6] {
         let mut packed = [0_u64; 2];
         let boxes = self.connected();
@@ -85,8 +85,8 @@ impl Around {
     }
 }
 
-/// Unit normal of the plane nearest to boxes (least squares), on the side of `face`, and the part of their scatter that
-/// is along it.
+/// Unit normal of the plane nearest to boxes (least squares), on the side of `face`, and the part of their scatter
+/// along it.
 ///
 /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated squaring: sums
 /// and products in one order, the same on every machine. Written without branches, so that loops over it vectorise.
@@ -109,7 +109,7 @@ pub(super) fn nearest_plane([xx, yy, zz, xy, xz, yz]: [f64; 6], face: [f64; 3]) 
         let sq_xy = m_xx * m_xy + m_xy * m_yy + m_xz * m_yz;
         let sq_xz = m_xx * m_xz + m_xy * m_yz + m_xz * m_zz;
         let sq_yz = m_xy * m_xz + m_yy * m_yz + m_yz * m_zz;
-        // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
+        // Its length does not matter as long as it does not vanish: scaling by a power of two keeps it exact.
         let trace = sq_xx + sq_yy + sq_zz;
         let scale = f64::from_bits((2045_u64 << 52).wrapping_sub(trace.to_bits() & 0x7ff << 52));
         (m_xx, m_yy, m_zz) = (sq_xx * scale, sq_yy * scale, sq_zz * scale);

@@ -1,7 +1,7 @@
-//! Decides about the stored normals of a tile's pixels, all at once.
+//! Judges the stored normals of a tile's pixels, all at once.
 //!
-//! For normals of 16 bits in boxes that are cubes: most pictures. Each pixel has the answer that [`super::shown`] gives
-//! for it alone, by the same arithmetic. Cost: some 5 ns a pixel.
+//! For normals of 16 bits in cubic boxes: most pictures. Each pixel gets the result of [`super::shown`] for it alone,
+//! by the same arithmetic. Cost: some 5 ns a pixel.
 
 use crate::format::normal;
 
@@ -10,15 +10,15 @@ use crate::cpu::{Kernel, Lanes};
 use crate::render::ray::Face;
 use crate::render::tile::RAYS;
 
-/// Places in a row of codes: nine are used, and sixteen are looked at together.
+/// Length of a row of codes: nine are used, and sixteen are processed together.
 pub(super) const PLACES: usize = 16;
-/// The place of the box that was hit; those of the four before and behind it lie on either side.
+/// Index of the hit box; the four before and after it lie on either side.
 const OWN: usize = 4;
 
-/// Normals of the boxes that a tile's pixels hit, and of those next to them in the order of the file.
+/// Normals of the boxes that a tile's pixels hit, and of their neighbours in file order.
 pub(in crate::render) struct Stored {
     codes: [[u16; PLACES]; RAYS],
-    /// Axis of the face that was hit, and which way it looks.
+    /// Axis of the face that was hit, and its outward direction.
     axes: [u8; RAYS],
     outward: [f64; RAYS],
 }
@@ -27,7 +27,7 @@ impl Stored {
     pub(in crate::render) const NOTHING: Self =
         Self { codes: [[0; PLACES]; RAYS], axes: [0; RAYS], outward: [1.0; RAYS] };
 
-    /// Sets what a pixel hit.
+    /// Sets the hit of a pixel.
     #[inline]
     pub(in crate::render) fn set(&mut self, pixel: usize, codes: &[u16; 9], face: Face) {
         let pixel = pixel % RAYS;
@@ -37,11 +37,11 @@ impl Stored {
     }
 }
 
-/// The answers.
+/// The results of judging a tile.
 pub(in crate::render) struct Verdicts {
-    /// Normals in the frame of the boxes, of any length, as they are shown where they are not in doubt.
+    /// Displayed normals in the frame of the boxes, of any length, where they are not doubtful.
     pub(in crate::render) normals: [[f64; RAYS]; 3],
-    /// Pixels whose normals the skin around must be asked about.
+    /// Mask of pixels whose normals need a comparison with the skin around.
     pub(in crate::render) doubts: u64,
     calm: [u16; RAYS],
     noise: [u16; RAYS],
@@ -51,17 +51,17 @@ impl Verdicts {
     pub(in crate::render) const NOTHING: Self =
         Self { normals: [[1.0; RAYS]; 3], doubts: 0, calm: [0; RAYS], noise: [0; RAYS] };
 
-    /// How a hit's normal agrees with those of the boxes around.
+    /// Agreement of a hit's normal with the normals of the boxes around.
     #[inline]
     pub(in crate::render) fn neighbourhood(&self, pixel: usize) -> Neighbourhood {
         Neighbourhood::of_flags(self.calm[pixel % RAYS], self.noise[pixel % RAYS])
     }
 }
 
-/// Doubts that are settled together: two vectors of doubles with AVX2.
+/// Doubtful normals settled together: two vectors of doubles with AVX2.
 const TOGETHER: usize = 8;
 
-/// Normals in doubt, and what the boxes around them are like.
+/// Doubtful normals, and the scatter of the boxes around them.
 #[derive(Clone, Copy)]
 struct Group {
     scatter: [[f64; TOGETHER]; 6],
@@ -69,11 +69,11 @@ struct Group {
     /// Stored normals in the frame of the boxes.
     own: [[f64; TOGETHER]; 3],
     near: [f64; TOGETHER],
-    /// 1 in noise.
+    /// 1 in a neighbourhood of noise.
     noise: [f64; TOGETHER],
 }
 
-/// The doubts of a tile, to be settled together.
+/// The doubtful normals of a tile, to be settled together.
 pub(in crate::render) struct Doubts {
     groups: [Group; RAYS / TOGETHER],
     count: usize,
@@ -94,7 +94,7 @@ impl Doubts {
         self.count = 0;
     }
 
-    /// Notes that of a pixel; its number.
+    /// Adds the doubtful normal of a pixel; returns its number.
     #[inline]
     pub(in crate::render) fn add(
         &mut self,
@@ -122,7 +122,7 @@ impl Doubts {
         number
     }
 
-    /// The normal that is shown, once it is settled.
+    /// The displayed normal, once it is settled.
     #[inline]
     pub(in crate::render) fn normal(&self, number: u8) -> [f64; 3] {
         let number = usize::from(number) % RAYS;
@@ -131,10 +131,10 @@ impl Doubts {
     }
 }
 
-/// Settles the doubts of a tile.
+/// Settles the doubtful normals of a tile.
 pub(in crate::render) struct Settle<'a> {
     pub(in crate::render) doubts: &'a mut Doubts,
-    /// Edge of a box, mm.
+    /// Edge of a box in mm.
     pub(in crate::render) edge_mm: f64,
 }
 
@@ -163,7 +163,7 @@ impl Kernel for Settle<'_> {
 /// Judges a tile.
 pub(in crate::render) struct Judge<'a> {
     pub(in crate::render) stored: &'a Stored,
-    /// Edge of a box, mm.
+    /// Edge of a box in mm.
     pub(in crate::render) edge_mm: f64,
     pub(in crate::render) out: &'a mut Verdicts,
 }
@@ -208,15 +208,15 @@ impl Kernel for Judge<'_> {
     }
 }
 
-/// [`super::neighbourhood`] of normals of 16 bits in boxes that are cubes: those of the box at [`OWN`], and of the four
-/// before and behind it, all compared at once. Is it calm, and if not, is it noise? 0 or 1 each.
+/// [`super::neighbourhood`] for normals of 16 bits in cubic boxes: the codes of the box at [`OWN`], and of the four
+/// before and after it, all compared at once. Returns 1 or 0 for calm, and for noise.
 #[inline(always)]
 pub(super) fn neighbourhood_of(codes: &[u16; PLACES]) -> (u16, u16) {
     #[expect(clippy::cast_possible_truncation, reason = "a byte")]
     const SCALE: i16 = normal::SCALE as i16;
     let mut parts = [[0_i16; PLACES]; 3];
     for i in 0..PLACES {
-        // The two bytes with their signs.
+        // The two bytes as signed numbers.
         let code = codes[i].cast_signed();
         let (low, high) = (code.wrapping_shl(8) >> 8, code >> 8);
         let u = if low < -SCALE { -SCALE } else { low };
@@ -250,12 +250,12 @@ pub(super) fn neighbourhood_of(codes: &[u16; PLACES]) -> (u16, u16) {
     }
     let agreeing = |at: usize| bits >> at & 1;
     let calm = agreeing(5) & agreeing(3) & (agreeing(6) | agreeing(2));
-    // The one in the middle agrees with itself.
+    // The middle one agrees with itself.
     let noise = (1 - calm) & u16::from(bits.count_ones() <= MAX_BY_CHANCE + 1);
     (calm, noise)
 }
 
-/// A bit for every place that is used.
+/// A bit for every index that is used.
 const BIT: [u16; PLACES] = {
     let mut bits = [0; PLACES];
     let mut place = 0;
@@ -299,7 +299,7 @@ mod tests {
                     for (parts, own) in judged.normals.iter_mut().zip(own) {
                         parts[pixel] = own;
                     }
-                    // Boxes near a plane, and now and then one elsewhere.
+                    // Boxes near a plane, and occasionally one elsewhere.
                     let tilt: [f64; 3] = std::array::from_fn(|_| f64::from(random.below(2001_u32)) - 1000.5);
                     let size = tilt.iter().map(|c| c * c).sum::<f64>().sqrt();
                     let boxes = (0..125_u32).fold(1 << 62, |boxes, bit| {

@@ -1,4 +1,4 @@
-//! From the cells of a row, or the samples of a decoder, to delivered samples.
+//! Conversion of cells of a row, or samples of a decoder, into delivered samples.
 
 use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
@@ -9,12 +9,12 @@ use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;
 
-/// Turns rows into what an image delivers.
+/// Converter of rows into the delivered samples of an image.
 pub(crate) struct Converter<'a> {
     image: &'a Image,
     table: Option<Lut>,
     padding: Option<Padding>,
-    /// How decoded samples hold their value.
+    /// Layout of decoded samples.
     decoded: PixelLayout,
     /// Decoded samples as cells.
     cells: Vec<u8>,
@@ -41,11 +41,11 @@ impl<'a> Converter<'a> {
         self.padding = padding;
     }
 
-    /// A codestream with this format is about to be decoded.
+    /// Prepares for decoding a codestream of this format.
     ///
-    /// Its precision may differ from Bits Stored, and it may not know the sign. As many bits as it has are
-    /// the value, at most Bits Stored; the header says whether they have a sign. Only where it has more
-    /// than Bits Stored do these lie where High Bit says.
+    /// Its precision may differ from Bits Stored, and it may not know the sign. As many bits as it has are the value,
+    /// at most Bits Stored; the header says whether they have a sign. Only where it has more than Bits Stored do these
+    /// lie where High Bit says.
     pub(crate) fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
         let stored = self.image.layout.stored();
         let allocated = u32::try_from(8 * stored.bytes()).unwrap_or(32);
@@ -82,7 +82,7 @@ impl<'a> Converter<'a> {
         self.finish()
     }
 
-    /// A row of cells as they are in the file.
+    /// A row of cells as the file has them.
     pub(crate) fn cells(&mut self, cells: &mut Vec<u8>) -> &[u8] {
         let layout = self.image.layout;
         self.convert(&layout, cells);
@@ -93,7 +93,7 @@ impl<'a> Converter<'a> {
         &self.out
     }
 
-    /// From cells to `out`; what `out` held becomes `cells`.
+    /// Converts `cells` into `out`; the old content of `out` becomes `cells`.
     fn convert(&mut self, layout: &PixelLayout, cells: &mut Vec<u8>) {
         let (samples, width) = (usize::from(self.image.samples), layout.stored().bytes());
         match self.image.mapping {
@@ -117,7 +117,7 @@ impl<'a> Converter<'a> {
                 let (padding, Some(table)) = (self.padding, &self.table) else { return };
                 for cell in cells.chunks_exact(width) {
                     let value = value(cell, 0);
-                    // What stands for no value has no entry of its own.
+                    // Padding has no entry of its own.
                     let entry = if padding.is_some_and(|p| p.holds(value)) { 0 } else { table.of(value) };
                     self.out.extend_from_slice(bytemuck::bytes_of(&entry));
                 }

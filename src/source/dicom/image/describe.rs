@@ -9,10 +9,10 @@ use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
 use crate::volume::{Endian, Note, ScalarType};
 
-/// Why an image cannot be a slice of a volume.
+/// Reason why an image cannot be a slice of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Obstacle {
-    /// A part of the pixels is missing: the file was whole once.
+    /// True if a part of the pixels is missing from a file that was once whole.
     pub(crate) cut_short: bool,
     text: Cow<'static, str>,
 }
@@ -29,7 +29,7 @@ impl fmt::Display for Obstacle {
     }
 }
 
-/// How a volume gets at the samples.
+/// Access to the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Row r of frame f begins at byte `offset + f * frame_bytes + r * columns * width` of the file and
@@ -40,11 +40,11 @@ pub enum Access {
         /// Distance of frames.
         frame_bytes: u64,
     },
-    /// Frames have to be decoded from front to back: see [`fn@super::unroll::unroll`].
+    /// Frames must be decoded from front to back: see [`fn@super::unroll::unroll`].
     Unrolled,
 }
 
-/// How cells lie in the pixel element.
+/// Arrangement of cells in the pixel element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Storage {
     /// Whole bytes, one frame right after the other.
@@ -55,20 +55,20 @@ pub(crate) enum Storage {
     Coded(Codec),
 }
 
-/// How cells become delivered samples.
+/// Conversion of cells into delivered samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mapping {
-    /// As they are.
+    /// Values are delivered unchanged.
     Values,
-    /// Through the Modality LUT.
+    /// Values go through the Modality LUT.
     ModalityLut,
-    /// Through the palette, then luminance.
+    /// Values go through the palette, then become luminance.
     Palette,
     /// Luminance of red, green and blue.
     Rgb,
     /// The first of three components is luminance.
     Luma,
-    /// As Luma, in the native order Y Y Cb Cr of two pixels.
+    /// Like `Luma`, in the native order Y Y Cb Cr of two pixels.
     Luma422,
     /// All components side by side, as stored.
     Components,
@@ -79,19 +79,19 @@ pub(crate) enum Mapping {
 pub struct Image {
     /// Size of a frame and type of the delivered samples.
     pub layout: PixelLayout,
-    /// By position, or by decoding.
+    /// Access by position, or by decoding.
     pub access: Access,
     /// Number of frames, at least 1.
     pub frames: u32,
-    /// Bytes of the pixel element that are there: of all frames.
+    /// Bytes of the pixel element that the file has, for all frames.
     pub(crate) held_bytes: u64,
     pub(crate) storage: Storage,
     pub(crate) mapping: Mapping,
     /// Cells a pixel.
     pub(crate) samples: u8,
-    /// Are components stored one plane after another?
+    /// True if components are stored one plane after another.
     pub(crate) planar: bool,
-    /// Are neighbouring bytes swapped (8-bit cells in big-endian words)?
+    /// True if neighbouring bytes are swapped (8-bit cells in big-endian words).
     pub(crate) swapped: bool,
 }
 
@@ -99,7 +99,7 @@ impl Image {
     /// Describes the pixels of a file.
     ///
     /// # Errors
-    /// The [`Obstacle`] that is in the way.
+    /// The [`Obstacle`] to using it.
     pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
         let syntax = &header.transfer_syntax;
         let Some(pixels) = header.pixels else {
@@ -176,11 +176,11 @@ impl Image {
         Ok(image)
     }
 
-    /// As [`Image::of`], but delivers what is stored: no table, no luminance. A row then has
-    /// [`Image::row_samples`] samples, those of a pixel side by side, whichever way they were stored.
+    /// Like [`Image::of`], but delivers stored values: no table, no luminance. A row then has [`Image::row_samples`]
+    /// samples, the components of a pixel side by side, whichever way they were stored.
     ///
     /// # Errors
-    /// As [`Image::of`].
+    /// The errors of [`Image::of`], and subsampled colour.
     pub fn of_components(header: &DicomHeader) -> Result<Self, Obstacle> {
         let mut image = Self::of(header)?;
         if image.mapping == Mapping::Luma422 && image.storage == Storage::Plain {
@@ -200,8 +200,8 @@ impl Image {
         self.layout.columns as usize * each
     }
 
-    /// Do rescale slope and intercept apply to the delivered samples? Not where a table or luminance made
-    /// them, nor to floating-point pixels, which are physical.
+    /// True if rescale slope and intercept apply to the delivered samples: not where a table or luminance made them,
+    /// nor to floating-point pixels, which are physical.
     pub fn rescales(&self) -> bool {
         self.mapping == Mapping::Values && !self.layout.stored().is_float() && self.storage != Storage::Bits
     }
@@ -230,8 +230,8 @@ impl Image {
         }
     }
 
-    /// Is there room for all frames in the pixel element? Of a deflated file only an upper bound is known;
-    /// what it lacks is noticed when it is unrolled.
+    /// Checks that the pixel element has room for all frames. The length of a deflated file is an upper bound; missing
+    /// pixels are noticed when it is unrolled.
     fn check_length(&self, got: u64, is_deflated: bool) -> Result<(), Obstacle> {
         let needed = match self.storage {
             Storage::Coded(_) => {
@@ -266,7 +266,7 @@ impl Image {
     }
 }
 
-/// Type of what is delivered. Entries of tables have up to 16 bits and are unsigned (PS3.3 C.11.1.1.1,
+/// Type of the delivered samples. Entries of tables have up to 16 bits and are unsigned (PS3.3 C.11.1.1.1,
 /// C.7.6.3.1.6).
 fn delivered(mapping: Mapping, stored: CellFormat) -> ScalarType {
     match mapping {
@@ -275,7 +275,7 @@ fn delivered(mapping: Mapping, stored: CellFormat) -> ScalarType {
     }
 }
 
-/// How the samples of a pixel become one, by photometric interpretation (PS3.3 C.7.6.3.1.2).
+/// Mapping of the samples of a pixel to one, by photometric interpretation (PS3.3 C.7.6.3.1.2).
 fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Result<Mapping, Obstacle> {
     let photometric = header.photometric.as_str();
     match (photometric, samples) {
@@ -305,7 +305,7 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
     }
 }
 
-/// How a cell holds its value.
+/// Format of a cell.
 fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<CellFormat, Obstacle> {
     let big = header.transfer_syntax == TransferSyntax::ExplicitBe;
     let endian = if big { Endian::Big } else { Endian::Little };

@@ -1,9 +1,9 @@
-//! Frames in fragments (PS3.5 A.4): which fragments make which frame, found again at each pass instead of
-//! being listed, so that memory does not grow with the number of frames.
+//! Frames in fragments (PS3.5 A.4). The fragments of each frame are found again at each pass instead of being listed,
+//! so that memory does not grow with the number of frames.
 //!
-//! In the order of trust: as many fragments as frames; as many codestreams begun as frames stated; an
-//! offset table whose every entry is the offset of a fragment. Tables that are wrong are common, and are
-//! not looked at where the fragments speak for themselves.
+//! Evidence in the order of trust: as many fragments as frames; as many codestreams begun as frames stated; an offset
+//! table whose every entry is the offset of a fragment. Wrong tables are common, and are not looked at where the
+//! fragments alone decide.
 
 use std::cell::Cell;
 use std::io::{self, Read};
@@ -16,7 +16,7 @@ use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::value::Tag;
 use crate::source::dicom::parse::window::ReadAt;
 
-/// Most fragments of a frame that is read at several places at once (RLE); sound files have one.
+/// Most fragments of a frame whose parts are read in parallel (RLE); correct files have one.
 const MAX_LISTED: usize = 4096;
 
 /// Head of an item.
@@ -27,15 +27,15 @@ const HEAD: u64 = 8;
 struct Fragment {
     /// Offset of its bytes in the file.
     offset: u64,
-    /// How many there are, as far as the file goes.
+    /// Length in bytes, as far as the file goes.
     length: u64,
-    /// How many its item states.
+    /// Length that its item states.
     declared: u64,
     first_bytes: [u8; 4],
 }
 
 impl Fragment {
-    /// Offset of its item, and of what follows it.
+    /// Offset of its item.
     fn item(&self) -> u64 {
         self.offset - HEAD
     }
@@ -45,21 +45,21 @@ impl Fragment {
     }
 }
 
-/// Bytes of a file that are read at once where fragments are short: two million of them in a file of 16 MB are
-/// two million heads to look at, but not as many calls of the system.
+/// Bytes of a file that are read together where fragments are short: two million fragments in a file of 16 MB have as
+/// many heads, which take fewer calls of the system so.
 const WINDOW: usize = 2048;
 
-/// Bytes of an item's head, and of what it begins with.
+/// Bytes of an item's head and the first bytes of its value.
 const SHOWN: usize = 12;
 
 /// The heads of items, read one after the other.
 #[derive(Debug)]
 struct Heads {
-    /// Where the window begins in the file, and how much of it is filled.
+    /// Offset of the window in the file, and its filled bytes.
     from: u64,
     have: usize,
     window: [u8; WINDOW],
-    /// Was the last fragment so short that the next head lies in the window?
+    /// True if the last fragment was so short that the next head lies in the window.
     short: bool,
 }
 
@@ -68,7 +68,7 @@ impl Heads {
         Self { from: 0, have: 0, window: [0; WINDOW], short: false }
     }
 
-    /// The first bytes at `at`, and how many of them there are.
+    /// The first bytes at `at`, and their number.
     fn head<R: ReadAt + ?Sized>(&mut self, input: &R, at: u64) -> io::Result<([u8; SHOWN], usize)> {
         let mut head = [0; SHOWN];
         let start = at.checked_sub(self.from).and_then(|start| usize::try_from(start).ok());
@@ -112,19 +112,19 @@ fn fragment<R: ReadAt + ?Sized>(
     Ok(Some(Fragment { offset, length, declared, first_bytes }))
 }
 
-/// Items that [`missing_end`] looks at; what has more is left to the decoder.
+/// Most items that [`missing_end`] looks at; longer elements are left to the decoder.
 const MAX_WALKED: u64 = 1 << 20;
 
 /// A pixel element of undefined length that the file ends, or goes on, without a delimiter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MissingEnd {
-    /// Fragments that are there.
+    /// Number of existing fragments.
     pub(crate) fragments: u64,
     /// Bytes that the last of them lacks.
     pub(crate) lacking: u64,
 }
 
-/// Does the Sequence Delimitation Item lack after the fragments? It closes most files, so that the last
+/// The missing end, if no Sequence Delimitation Item follows the fragments. It closes most files, so that the last
 /// bytes tell; else the heads of the items are walked.
 pub(crate) fn missing_end<R: ReadAt + ?Sized>(
     input: &R,
@@ -178,20 +178,20 @@ pub(crate) fn read_full<R: ReadAt + ?Sized>(input: &R, buf: &mut [u8], offset: u
     Ok(have)
 }
 
-/// How fragments are divided into frames.
+/// Division of fragments into frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Division {
-    /// All are the one frame.
+    /// All fragments make the one frame.
     Whole,
-    /// One each.
+    /// Each fragment is a frame.
     Each,
     /// A frame begins where a codestream begins.
     Marked(Codec),
-    /// By a table of offsets from the first fragment.
+    /// A table holds the offsets of frames from the first fragment.
     Table {
         /// Offset of its first entry in the file.
         at: u64,
-        /// Entries of 64 bits, else of 32.
+        /// True for entries of 64 bits, false for 32.
         wide: bool,
     },
 }
@@ -204,7 +204,7 @@ pub(crate) struct Frames<'a, R: ReadAt + ?Sized> {
     /// Offset of the first fragment's item.
     first: u64,
     end: u64,
-    /// The next frame, and the item where it begins.
+    /// Number of the next frame, and the item where it begins.
     next: u32,
     at: u64,
     heads: Heads,
@@ -223,10 +223,10 @@ pub(crate) struct Span {
 }
 
 impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
-    /// Finds out how the fragments of a pixel element make up `frames` frames; one pass over their heads.
+    /// Divides the fragments of a pixel element into `frames` frames; one pass over their heads.
     ///
     /// # Errors
-    /// They cannot be divided into so many.
+    /// The fragments cannot be divided into so many frames.
     pub(crate) fn of(
         input: &'a R,
         header: &DicomHeader,
@@ -286,7 +286,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         Ok(self.table_fits(element.value_at, length, true)?.then_some(element.value_at))
     }
 
-    /// Is every entry of the table the offset of a fragment, in increasing order?
+    /// True if the entries of the table are offsets of fragments, in increasing order.
     fn table_fits(&mut self, table: u64, length: u64, wide: bool) -> io::Result<bool> {
         let entry_bytes = if wide { 8 } else { 4 };
         if length != u64::from(self.frames) * entry_bytes {
@@ -408,7 +408,7 @@ impl<R: ReadAt + ?Sized> Read for FrameReader<'_, R> {
 /// A frame that is read at any place; its fragments are listed, 16 bytes each.
 pub(crate) struct ListedFrame<'a, R: ReadAt + ?Sized> {
     input: &'a R,
-    /// Offset in the frame where each begins, offset in the file.
+    /// Offset of each fragment in the frame, and in the file.
     list: Vec<(u64, u64)>,
     bytes: u64,
     /// The fragment read last.
@@ -417,7 +417,7 @@ pub(crate) struct ListedFrame<'a, R: ReadAt + ?Sized> {
 
 impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
-    /// There are more fragments than [`MAX_LISTED`].
+    /// The frame has more fragments than [`MAX_LISTED`].
     pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self> {
         let count = usize::try_from(span.fragments).ok().filter(|n| *n <= MAX_LISTED).ok_or_else(|| {
             damaged(span.start, format!("one frame is cut into more than {MAX_LISTED} fragments"))
@@ -450,7 +450,7 @@ impl<R: ReadAt + ?Sized> FrameBytes for ListedFrame<'_, R> {
             (begin..end).contains(&offset).then_some((end, begin))
         };
         let found = Some(self.last.get()).filter(|i| holds(*i).is_some());
-        // The last of those that begin at or before the offset: empty fragments are passed over.
+        // The last fragment that begins at or before the offset; empty fragments are passed over.
         let index =
             found.unwrap_or_else(|| self.list.partition_point(|(begin, _)| *begin <= offset).max(1) - 1);
         self.last.set(index);

@@ -1,5 +1,5 @@
-//! Tables from stored values to what they mean: the Modality LUT and palettes (PS3.3 C.11.1.1.1,
-//! C.7.6.3.1.5 and C.7.6.3.1.6). At most 65536 entries, so 128 KiB.
+//! Lookup tables for stored values: the Modality LUT and palettes (PS3.3 C.11.1.1.1, C.7.6.3.1.5 and C.7.6.3.1.6). At
+//! most 65536 entries, so 128 KiB.
 
 use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{Element, Parser, damaged};
@@ -7,7 +7,7 @@ use crate::source::dicom::parse::header::{DicomHeader, Encoding};
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;
 
-/// Bytes looked at in one go while a table is read.
+/// Bytes read at a time from a table.
 const PIECE: usize = 1024;
 
 /// A table; values outside take the entry at the near end.
@@ -15,7 +15,7 @@ const PIECE: usize = 1024;
 pub(crate) struct Lut {
     /// Stored value of the first entry.
     first: i64,
-    /// At least one.
+    /// Values of the table; at least one.
     entries: Vec<u16>,
 }
 
@@ -37,7 +37,7 @@ impl Lut {
     /// The Modality LUT of a file.
     ///
     /// # Errors
-    /// It is damaged or incomplete.
+    /// The table is damaged or incomplete.
     pub(crate) fn modality<R: ReadAt + ?Sized>(
         input: &R,
         header: &DicomHeader,
@@ -75,7 +75,7 @@ impl Lut {
     /// Luminance of the palette of a file.
     ///
     /// # Errors
-    /// It is damaged or incomplete.
+    /// The palette is damaged or incomplete.
     pub(crate) fn palette<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, signed: bool) -> Result<Self> {
         let encoding = header.encoding;
         let mut parser = Parser::new(input)?;

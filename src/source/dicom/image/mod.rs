@@ -1,13 +1,13 @@
 //! The pixels of one file.
 //!
-//! | file | what it does |
+//! | file | content |
 //! |---|---|
-//! | `pixels` | how stored values are cut out of cells: [`pixels::PixelLayout`] |
-//! | `describe` | what the pixels of a file are, and how they are reached: [`describe::Image`] |
-//! | `encapsulated` | which fragments make which frame |
+//! | `pixels` | values in the cells of a frame: [`pixels::PixelLayout`] |
+//! | `describe` | the image of a file, and access to its pixels: [`describe::Image`] |
+//! | `encapsulated` | the fragments of each frame |
 //! | `lut` | modality tables and palettes |
-//! | `convert` | rows of cells, or of decoded samples, into delivered ones |
-//! | `unroll` | decodes frames row by row: [`unroll`](fn@unroll::unroll) |
+//! | `convert` | conversion of rows into delivered samples |
+//! | `unroll` | decoding of frames row by row: [`unroll`](fn@unroll::unroll) |
 
 pub(super) mod convert;
 pub(super) mod describe;

@@ -1,11 +1,10 @@
-//! How stored values are cut out of the cells of a frame, and what stands for no value
-//! (PS3.3 C.7.6.3; PS3.5 section 8).
+//! Stored values in the cells of a frame, and padding values (PS3.3 C.7.6.3; PS3.5 section 8).
 
 use crate::geom::Dims;
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::volume::{Endian, ScalarType};
 
-/// How a cell (the bits allocated to one sample) holds its value.
+/// Format of a cell (the bits allocated to one sample).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CellFormat {
     scalar: ScalarType,
@@ -71,7 +70,7 @@ impl CellFormat {
         self.number(raw)
     }
 
-    /// Are values two's complement?
+    /// True if values are two's complement.
     pub(crate) fn is_signed(&self) -> bool {
         self.signed
     }
@@ -87,7 +86,7 @@ impl CellFormat {
         if self.signed { top.cast_signed().wrapping_shr(up).cast_unsigned() } else { top >> up }
     }
 
-    /// Is the value all of the cell?
+    /// True if the value fills the cell.
     fn is_whole(&self) -> bool {
         self.is_float() || (self.shift == 0 && self.bits as usize == 8 * self.bytes())
     }
@@ -105,7 +104,7 @@ impl CellFormat {
     }
 }
 
-/// Size of a frame, and how its cells become samples.
+/// Size of a frame, and layout of its samples in cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelLayout {
     /// Width in pixels.
@@ -121,7 +120,7 @@ pub struct PixelLayout {
 /// Stored values that mean "no pixel", as a header states them; see [`PixelLayout::padding`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PaddingAttributes {
-    /// Nothing.
+    /// The header states no padding.
     #[default]
     None,
     /// Bits of Pixel Padding Value and of Pixel Padding Range Limit.
@@ -144,8 +143,8 @@ impl PaddingAttributes {
     }
 }
 
-/// Stored values that mean "no pixel", and what stands for them in a volume; of floating-point pixels as
-/// their rank in the order of all such values.
+/// Stored values that mean "no pixel", and their replacement in a volume; for floating-point pixels, ranks in the order
+/// of all such values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Padding {
     low: i64,
@@ -176,7 +175,7 @@ impl PixelLayout {
         self.columns * self.across
     }
 
-    /// Bytes from the first pixel of the picture to that of a tile, as the cells lie in the file.
+    /// Offset of a tile's first pixel from the first pixel of the picture, in bytes of cells as the file has them.
     pub(crate) fn tile_offset(&self, tile: u32) -> u64 {
         let (down, right) = (u64::from(tile / self.across), u64::from(tile % self.across));
         let pixels = down * u64::from(self.rows) * u64::from(self.pitch()) + right * u64::from(self.columns);
@@ -204,7 +203,7 @@ impl PixelLayout {
         self.decode_padded(cells, None);
     }
 
-    /// As [`PixelLayout::decode`], with padding replaced.
+    /// Like [`PixelLayout::decode`], with padding replaced.
     pub fn decode_padded(&self, cells: &mut [u8], padding: Option<Padding>) {
         let stored = self.stored;
         let width = stored.bytes();
@@ -248,7 +247,7 @@ impl PixelLayout {
         let (value, limit) = match stated {
             PaddingAttributes::Float(value, limit) if self.stored.is_float() => {
                 let first = rank(value);
-                // NaN is not an end of a range.
+                // NaN cannot be the end of a range.
                 let last = limit.filter(|l| !l.is_nan() && !value.is_nan()).map_or(first, rank);
                 let (low, high) = (first.min(last), first.max(last));
                 return Some(Padding { low, high, replacement: rank(background) });
@@ -310,7 +309,7 @@ impl Padding {
         (self.low..=self.high).contains(&value)
     }
 
-    /// Does replacing change anything?
+    /// True if replacing changes any sample.
     pub(crate) fn matters(self) -> bool {
         (self.low, self.high) != (self.replacement, self.replacement)
     }
@@ -475,7 +474,7 @@ mod tests {
             let replaced = decoded(PaddingAttributes::Float(f64::NAN, limit), holes);
             assert_eq!(replaced, [-1000.0, -1000.0, f32::INFINITY, 0.0, 7.5]);
         }
-        // Padding of integers is not that of floating-point pixels.
+        // Integer padding does not apply to floating-point pixels.
         assert_eq!(decoded(PaddingAttributes::Integer(0, None), samples), samples);
     }
 

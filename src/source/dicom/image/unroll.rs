@@ -1,7 +1,7 @@
 //! Decodes the frames of a file row by row: compressed, deflated, bits, tables and colour.
 //!
-//! Held are a row of cells, a row of samples, a table of at most 128 KiB (384 while a palette is read) and
-//! what the decoder of the frame takes. Nothing grows with the number of frames.
+//! Memory: a row of cells, a row of samples, a table of at most 128 KiB (384 while a palette is read) and the buffers
+//! of the frame's decoder. None of it grows with the number of frames.
 
 use std::io;
 use std::path::Path;
@@ -21,10 +21,10 @@ use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::{Result, SourceError, SourceFault};
 
-/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000.
+/// Read buffers, decoder tables and other small allocations of any DICOM codec but JPEG 2000.
 const DICOM_DECODER: u64 = 256 << 10;
 
-/// Buffers for a code-block, lists of a tile and small change of JPEG 2000, which counts all it holds.
+/// Buffers for a code-block, lists of a tile and other small allocations of JPEG 2000, which counts all it holds.
 const JPEG2000_DECODER: u64 = 64 << 10;
 
 /// The tables of a palette, read as it is turned into grey.
@@ -35,13 +35,13 @@ const DICOM_LOOKUP: u64 = 128 << 10;
 
 /// Receives decoded frames.
 pub trait FrameSink {
-    /// Is this frame wanted? Frames that are not are stepped over.
+    /// True if this frame is wanted; others are skipped.
     fn wants(&mut self, frame: u32) -> bool {
         let _ = frame;
         true
     }
 
-    /// Stored values of this frame that are to be replaced (see [`super::pixels::PixelLayout::padding`]).
+    /// Stored values of this frame to be replaced (see [`super::pixels::PixelLayout::padding`]).
     fn padding(&mut self, frame: u32) -> Option<Padding> {
         let _ = frame;
         None
@@ -171,7 +171,7 @@ impl Failure {
                     None => return SourceError::from(SourceFault::ReadFailed { path, slice, cause }),
                 }
             }
-            // A decoder meets what it needs part by part, and stops at the first one that is too much.
+            // A decoder reserves memory part by part, and stops at the first part that is too large.
             Self::Codec(_, CodecError::Memory { needed_bytes, allowed_bytes }) => {
                 let whole = needed_bytes.max(image.unroll_bytes());
                 let needed_bytes = whole.saturating_add(whole / 16);
@@ -243,7 +243,7 @@ fn coded<R: ReadAt + ?Sized>(
 ) -> Result<(), Failure> {
     let Some(pixels) = header.pixels else { return Ok(()) };
     let mut rows = Rows::new(input, header, image, memory)?;
-    // A decoder may hold all that is left; what it needs shows in its codestream.
+    // The decoder may hold the rest of the memory; its needs show in the codestream.
     let decoder = memory.reserve_rest();
     let mut frames = Frames::of(input, header, &pixels, codec, image.frames)?;
     let mut frame = 0;
@@ -263,7 +263,7 @@ fn coded<R: ReadAt + ?Sized>(
     Ok(())
 }
 
-/// Where the cells of a frame are.
+/// Location of the cells of a frame.
 struct Cells<'a, R: ReadAt + ?Sized> {
     inputs: &'a [&'a R],
     /// Offset of the frame, of the first frame, and of the end of all.
@@ -272,7 +272,7 @@ struct Cells<'a, R: ReadAt + ?Sized> {
     end: u64,
 }
 
-/// Buffers for a row, and what becomes of it.
+/// Buffers for a row, and its converter.
 struct Rows<'a> {
     image: &'a Image,
     converter: Converter<'a>,
@@ -453,7 +453,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Takes decoded rows on, once their format is what the header says.
+/// Receives decoded rows, once their format matches the header.
 struct Receiver<'r, 'a> {
     rows: &'r mut Rows<'a>,
     frame: u32,

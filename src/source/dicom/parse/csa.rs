@@ -12,11 +12,11 @@
 //!
 //! The text of an item has `b` bytes in the newer form. In the older one (CSA1) it has `a` bytes, less the
 //! number of items of the very first tag; where that is not a possible length, the tag ends with this item.
-//! Whether a text that needs no filling up is followed by four bytes nevertheless, readers do not agree on:
-//! the 77 or 205 of what comes next decides.
+//! Readers disagree on whether a text that needs no filling up is followed by four bytes nevertheless: the 77 or 205 of
+//! what comes next decides.
 //!
-//! Everything is read through the window: nothing is allocated by what the header says, and every step
-//! goes forwards, so that a header of n bytes ends after n / 16 steps.
+//! Everything is read through the window: no declared length is allocated, and every step goes forwards, so that a
+//! header of n bytes ends after n / 16 steps.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -26,7 +26,7 @@ use std::str::FromStr;
 use super::error::{ReadFault, ScanError};
 use super::window::{ReadAt, Window};
 
-/// Why the private header of a Siemens image cannot be read, as the end of a sentence.
+/// Reason why the private header of a Siemens image cannot be read, as the end of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct CsaFault(Cow<'static, str>);
 
@@ -54,16 +54,16 @@ impl From<ScanError> for CsaFault {
     }
 }
 
-/// Most tags, and most items of a tag; real headers have about a hundred, and a few dozen.
+/// Most tags, and most items of a tag; real headers have about a hundred tags of a few dozen items.
 const MAX_COUNT: u32 = 1000;
 
-/// Longest header that is looked at; real ones have some 12 KiB.
+/// Longest header that is read; real ones have some 12 KiB.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Bytes of the text of an item that are looked at; numbers are shorter.
 const TEXT_BYTES: u64 = 64;
 
-/// Where the 77 or 205 is in the head of an item, and in that of a tag.
+/// Offset of the 77 or 205 in the head of an item, and in the head of a tag.
 const ITEM_MARK: u64 = 8;
 const TAG_MARK: u64 = 80;
 
@@ -79,7 +79,7 @@ pub(crate) struct Csa {
 /// Reads a header of `bytes` bytes at `start`, as far as both values.
 ///
 /// # Errors
-/// It cannot be followed to its end, or the file cannot be read.
+/// The header cannot be followed to its end, or the file cannot be read.
 pub(crate) fn read<R: ReadAt + ?Sized>(
     window: &mut Window<'_, R>,
     start: u64,
@@ -146,19 +146,20 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         self.array().map(u32::from_le_bytes)
     }
 
-    /// A number of things, at most [`MAX_COUNT`].
+    /// A count, at most [`MAX_COUNT`].
     fn count(&mut self, of: &str) -> Result<u32, CsaFault> {
         let stated = self.number()?;
         if stated > MAX_COUNT { Err(CsaFault::new(format!("it states {stated} {of}"))) } else { Ok(stated) }
     }
 
-    /// Does a number of unknown meaning follow, so far ahead?
+    /// True if 77 or 205, a number of unknown meaning, stands `ahead` bytes further.
     fn is_mark(&mut self, ahead: u64) -> Result<bool, CsaFault> {
         let found = self.window.array::<4>(self.at + ahead)?;
         Ok(found.is_some_and(|bytes| matches!(u32::from_le_bytes(bytes), 77 | 205)))
     }
 
-    /// Steps over the items of a tag; the first `N` of them, if they are there. One that is not a number is a fault.
+    /// Steps over the items of a tag, and returns the first `N` of them as numbers, if they exist. A text that is not a
+    /// number is a fault.
     fn values<T: FromStr + Copy + Default, const N: usize>(
         &mut self,
         items: u32,
@@ -187,7 +188,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
                     stated += 1;
                 }
             }
-            // The last item of all may lack what fills it up.
+            // The last item of all may lack its padding.
             self.at = self.at.saturating_add(bytes.next_multiple_of(4)).min(self.end);
             let mark = if k + 1 < items as usize { ITEM_MARK } else { TAG_MARK };
             if !newer && bytes.is_multiple_of(4) && !self.is_mark(mark)? && self.is_mark(mark + 4)? {
@@ -198,7 +199,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
     }
 }
 
-/// Text ends at the first zero; what follows it is left over from before.
+/// Text up to the first zero; bytes after it are left over from earlier texts.
 fn until_zero(bytes: &[u8]) -> &[u8] {
     bytes.split(|b| *b == 0).next().unwrap_or(bytes)
 }
@@ -220,7 +221,7 @@ mod tests {
         written(newer, false, tags)
     }
 
-    /// As [`write`]; texts that need no filling up may be followed by four bytes nevertheless.
+    /// Like [`write`]; texts that need no filling up may be followed by four bytes nevertheless.
     fn written(newer: bool, full: bool, tags: &[Tag<'_>]) -> Vec<u8> {
         let mut out = Vec::new();
         if newer {
@@ -232,7 +233,7 @@ mod tests {
         for (name, items) in tags {
             let mut field = [0; 64];
             field[..name.len()].copy_from_slice(name.as_bytes());
-            // What is left over behind the name.
+            // Rubbish behind the name, as real headers have it.
             field[name.len() + 1..].fill(0xcd);
             out.extend(field);
             put(&mut out, &[length(items.len())]);

@@ -1,5 +1,5 @@
-//! A deflated file seen as if it were not (PS3.5 A.5): what follows the meta header is inflated on the
-//! way, forwards only.
+//! View of a deflated file as a plain one (PS3.5 A.5): the dataset behind the meta header is inflated while it is read,
+//! forwards only.
 
 use std::cell::RefCell;
 use std::io;
@@ -41,12 +41,12 @@ struct State {
 }
 
 impl<'a, R: ReadAt + ?Sized> InflateReader<'a, R> {
-    /// For the search of elements; ends with an error after [`LONGEST_SEARCH`] bytes.
+    /// Reader for the search of elements; ends with an error after [`LONGEST_SEARCH`] bytes.
     pub(crate) fn new(input: &'a R, start: u64) -> io::Result<Self> {
         Self::up_to(input, start, LONGEST_SEARCH)
     }
 
-    /// As [`InflateReader::new`] with another limit on inflated bytes.
+    /// Like [`InflateReader::new`] with another limit on inflated bytes.
     pub(crate) fn up_to(input: &'a R, start: u64, limit: u64) -> io::Result<Self> {
         let compressed = input.byte_len()?.saturating_sub(start);
         let len = compressed.saturating_mul(MAX_EXPANSION).saturating_add(start);
@@ -98,7 +98,7 @@ impl State {
             let read = usize::try_from(self.inflate.total_in() - read).unwrap_or(usize::MAX);
             let made = usize::try_from(self.inflate.total_out() - made).unwrap_or(0);
             self.have.start = self.have.start.saturating_add(read).min(self.have.end);
-            // A stream that stops without its end is over as well: what it lacks is noticed by the reader.
+            // A stream that stops without its end is over as well: its reader notices missing bytes.
             self.ended = status == Status::StreamEnd || (input_ended && made == 0);
             self.at += made as u64;
             if made > 0 {

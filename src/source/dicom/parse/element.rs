@@ -56,8 +56,7 @@ impl Element {
         self.length.and_then(|n| usize::try_from(n).ok()).unwrap_or(0).min(MAX_VALUE_BYTES)
     }
 
-    /// How the content of this sequence is written: that of an UN element is implicit little-endian
-    /// (PS3.5 6.2.2 note 2).
+    /// Encoding of the content of this sequence: inside a UN element implicit little-endian (PS3.5 6.2.2 note 2).
     pub(crate) fn content(&self, outer: Encoding) -> Encoding {
         if &self.vr == b"UN" { Encoding { explicit: false, endian: Endian::Little } } else { outer }
     }
@@ -75,16 +74,16 @@ pub(crate) struct Parser<'a, R: ReadAt + ?Sized> {
     pub(crate) window: Window<'a, R>,
 }
 
-/// Reads one item: from the offset of its first element, its end if that is known, and how it is written,
-/// to the offset after its last element.
+/// Reads one item; takes the offset of its first element, its end if known, and its encoding, and returns the offset
+/// after its last element.
 pub(crate) type ItemReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64> + 'f;
 
-/// Reads one element at an offset, and returns the offset after it, or `None` to have it stepped over.
+/// Reads one element at an offset, and returns the offset after it, or `None` to skip it.
 pub(crate) type ElementReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>> + 'f;
 
-/// Damage of an element, or of what it holds.
+/// Damage of an element or its content.
 pub(crate) fn damaged(offset: u64, damage: impl Into<Cow<'static, str>>) -> ScanError {
     ScanError::Damaged { offset, damage: damage.into() }
 }
@@ -103,7 +102,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         Ok(Self { window: Window::new(input)? })
     }
 
-    /// Is there no byte at `at`?
+    /// True if the input ends at or before `at`.
     pub(crate) fn is_end(&mut self, at: u64) -> io::Result<bool> {
         Ok(at >= self.window.len() || self.window.upto(at, 1)?.is_empty())
     }
@@ -120,7 +119,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         let tag = Tag::from(u16_of([g0, g1])) << 16 | Tag::from(u16_of([e0, e1]));
         let defined = |n: u32| (n != u32::MAX).then_some(n);
         let vr = [v0, v1];
-        // Items and delimiters never have a VR.
+        // Items and delimiters have no VR.
         let delimiter = tag >> 16 == 0xfffe;
         let letters = vr.iter().all(u8::is_ascii_uppercase);
         // A VR that is letters but not known has the long form (PS3.5 6.2). One without letters at

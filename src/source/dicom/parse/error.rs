@@ -1,4 +1,4 @@
-//! Why the elements of a file cannot be followed.
+//! Reasons why the elements of a file cannot be followed.
 
 use std::borrow::Cow;
 use std::fmt::{self, Display, Formatter};
@@ -6,12 +6,12 @@ use std::io;
 
 use thiserror::Error;
 
-/// A failed call of the operating system: comparable, and as small as it gets.
+/// A failed call of the operating system, comparable and small.
 ///
-/// An [`io::Error`] made of it says the same, but for texts that programs add of their own.
+/// An [`io::Error`] made of it has the same text, except for texts that programs add of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub struct SystemError {
-    /// What kind of failure it is.
+    /// Kind of failure.
     pub kind: io::ErrorKind,
     /// The system's number for it, where the system said so.
     pub code: Option<i32>,
@@ -35,7 +35,7 @@ impl From<SystemError> for io::Error {
     }
 }
 
-/// Why bytes of a file cannot be read.
+/// Reason why bytes of a file cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
     #[error("{0}")]
@@ -59,7 +59,7 @@ impl From<ReadFault> for io::Error {
     }
 }
 
-/// What is wrong with the stream of a deflated file.
+/// Fault in the stream of a deflated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum DeflateFault {
     #[error("its deflate stream is damaged")]
@@ -81,7 +81,7 @@ impl From<DeflateFault> for io::Error {
     }
 }
 
-/// Why a file yields no header.
+/// Reason why a file yields no header.
 #[expect(missing_docs, reason = "the sentence of each variant says it")]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ScanError {

@@ -14,22 +14,22 @@ use crate::source::dicom::parse::error::ScanError;
 use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::volume::Endian;
 
-/// Bytes of the Grid Frame Offset Vector looked at in one go; no number is as long.
+/// Bytes read at a time from the Grid Frame Offset Vector; no number is as long.
 const PIECE: usize = 1024;
 
-/// Where a frame's position comes from.
+/// Source of a frame's position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// The frame, or the file of one frame, states it; or nothing does.
     #[default]
     Stated,
-    /// From the file's position and the Grid Frame Offset Vector (RT dose).
+    /// The file's position and the Grid Frame Offset Vector (RT dose).
     Grid,
-    /// From the file's position, Spacing Between Slices and the order of frames.
+    /// The file's position, Spacing Between Slices and the order of frames.
     Stepped,
-    /// As [`Origin::Stepped`], by Slice Thickness.
+    /// Like [`Origin::Stepped`], with Slice Thickness as the distance.
     StackedByThickness,
-    /// As [`Origin::Stepped`], 1 mm apart, as no distance is stated.
+    /// Like [`Origin::Stepped`], 1 mm apart, as no distance is stated.
     StackedBlindly,
 }
 
@@ -41,7 +41,7 @@ pub struct FrameGeometry {
     pub index: u32,
     /// Image Position (Patient): centre of the first pixel in LPS mm.
     pub position: Option<[f64; 3]>,
-    /// Where the position comes from.
+    /// Source of the position.
     pub origin: Origin,
     /// Image Orientation (Patient): direction along a row, then down a column.
     pub orientation: Option<[f64; 6]>,
@@ -86,8 +86,7 @@ pub struct FrameGeometry {
     /// Numbers of the frame in the vectors of nuclear medicine, other than its slice, in the order of
     /// [`super::header::ElementOffsets::frame_vectors`]; 0 where they are absent.
     pub vectors: [u16; 8],
-    /// The first attribute that places the frame, scales its values or tells it apart, and is not the numbers that
-    /// belong there.
+    /// The first attribute with wrong numbers, among those that place the frame, scale its values or distinguish it.
     pub wrong: Option<WrongNumbers>,
     /// The first such attribute with a decimal comma.
     pub comma: Option<Attribute>,
@@ -96,8 +95,8 @@ pub struct FrameGeometry {
 /// Calls `each` for every frame of a file, in the order of the file, in constant memory and in one pass
 /// over the functional groups. `each` returns false to end early.
 ///
-/// Frames for which the file has no functional group get what the file says of all of them. The number of
-/// frames is believed: only [`crate::source::dicom::Image::of`] compares it with the pixels.
+/// Frames without a functional group get the attributes of the whole file. The number of frames is believed: only
+/// [`crate::source::dicom::Image::of`] compares it with the pixels.
 ///
 /// # Errors
 /// The functional groups are damaged, or the file cannot be read.
@@ -142,7 +141,7 @@ fn walk<R: ReadAt + ?Sized>(
         visited = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
     }
     let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
-    // Slices may state no more than how thick they are, or nothing; frames of a film are no slices.
+    // Slices may state only their thickness, or nothing; frames of a film are not slices.
     let is_film = header.is_film() && numbers.slices.is_none();
     let steps = [
         (base.spacing_between, Origin::Stepped),
@@ -158,7 +157,7 @@ fn walk<R: ReadAt + ?Sized>(
         if let Some((((step, origin), position), normal)) = along
             && header.offsets.frame_groups.is_none()
         {
-            // Nuclear medicine states thickness for the distance.
+            // Nuclear medicine states the distance as thickness.
             let is_numbered = numbers.slices.is_some();
             base.origin = if is_numbered { Origin::Stepped } else { origin };
             base.position = Some([0, 1, 2].map(|i| position[i] + steps * step * normal[i]));
@@ -170,15 +169,14 @@ fn walk<R: ReadAt + ?Sized>(
     Ok(())
 }
 
-/// The vectors that number the frames of nuclear medicine (PS3.3 C.8.4.8): which frame shows which slice, at
-/// what time, in what energy window, ...
+/// Vectors that number the frames of nuclear medicine (PS3.3 C.8.4.8) by slice, time, energy window, ...
 #[derive(Default)]
 struct Numbers {
     vectors: [Option<Vector>; 8],
     slices: Option<Vector>,
     /// Number of the first frame's slice, which lies at the stated position.
     first: u16,
-    /// Do numbers of slices fall from there?
+    /// True if numbers of slices fall from there.
     falling: bool,
 }
 
@@ -240,7 +238,7 @@ impl Numbers {
         Ok(own)
     }
 
-    /// Notes what the vectors say of a frame; returns how many slices away from the first it lies.
+    /// Stores a frame's numbers from the vectors; returns its distance from the first slice, in slices.
     fn read<R: ReadAt + ?Sized>(&self, parser: &mut Parser<'_, R>, frame: &mut FrameGeometry) -> Result<f64> {
         for (number, vector) in frame.vectors.iter_mut().zip(self.vectors) {
             *number = vector.map_or(Ok(0), |vector| vector.number(parser, frame.index))?;
@@ -252,7 +250,7 @@ impl Numbers {
     }
 }
 
-/// Visits the frames that have a group of their own; returns how many were visited, all if `each` ended the walk.
+/// Visits the frames that have a group of their own; returns their number, all frames if `each` ended the walk.
 fn of_groups<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,
@@ -358,7 +356,7 @@ fn first_item_of<'a, R: ReadAt + ?Sized>(
 /// Diffusion Gradient Direction Sequence, inside the MR Diffusion Sequence.
 const DIFFUSION_DIRECTION: Tag = 0x0018_9076;
 
-/// Is this one of the functional groups that say where a frame is and what it shows?
+/// True for a functional group that tells the position or content of a frame.
 fn is_group(tag: Tag) -> bool {
     matches!(
         tag,

@@ -23,7 +23,7 @@ pub(crate) const SEGMENTATION: &str = "segmentation";
 const ULTRASOUND: [&str; 5] =
     ["5.1.4.1.1.3", "5.1.4.1.1.3.1", "5.1.4.1.1.6", "5.1.4.1.1.6.1", "5.1.4.1.1.6.2"];
 
-/// Which of the three pixel elements a file has.
+/// Kind of pixel element, of three.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelElement {
     /// (7FE0,0010) Pixel Data: integers or encapsulated frames.
@@ -38,10 +38,10 @@ pub enum PixelElement {
 const FRAME_VECTORS: [Tag; 8] =
     [0x0054_0010, 0x0054_0020, 0x0054_0030, 0x0054_0050, 0x0054_0060, 0x0054_0070, 0x0054_0090, 0x0054_0100];
 
-/// Where the pixels lie.
+/// Location of the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelData {
-    /// Which element.
+    /// Kind of element.
     pub element: PixelElement,
     /// Offset of the first byte of the value in the file.
     pub offset: u64,
@@ -49,14 +49,14 @@ pub struct PixelData {
     pub declared: Option<u32>,
     /// Bytes of the value that the file really has.
     pub available: u64,
-    /// Is the value representation OW (words)? Matters for 8-bit pixels in big-endian files only.
+    /// True if the value representation is OW (words). Matters for 8-bit pixels in big-endian files only.
     pub words: bool,
 }
 
-/// How elements are written at some place of a file.
+/// Encoding of elements at some place of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Encoding {
-    /// Does each element state its VR?
+    /// True if each element states its VR.
     pub explicit: bool,
     /// Byte order of tags, lengths and binary values.
     pub endian: Endian,
@@ -95,7 +95,7 @@ pub struct ElementOffsets {
 }
 
 impl ElementOffsets {
-    /// Remembers where an element begins, if it is one of these.
+    /// Stores the offset of an element, if it is one of these.
     pub(crate) fn keep(&mut self, tag: Tag, at: u64) {
         let slot = match tag {
             0x5200_9229 => &mut self.shared_groups,
@@ -120,7 +120,7 @@ impl ElementOffsets {
                 }
             }
             0x7fe0_0001 => &mut self.offset_table,
-            // In any block of private elements.
+            // The element may lie in any block of private elements.
             _ if tag & 0xffff_00ff == 0x0065_0051 && tag & 0xff00 != 0 => &mut self.frame_set,
             _ => return,
         };
@@ -133,7 +133,7 @@ impl ElementOffsets {
 /// No patient data is kept: no names, no numbers of patients, no dates, no free text.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicomHeader {
-    /// How elements and pixels are encoded.
+    /// Encoding of elements and pixels.
     pub transfer_syntax: TransferSyntax,
     /// SOP class UID (0008,0016), or the meta header's.
     pub sop_class: String,
@@ -228,29 +228,28 @@ pub struct DicomHeader {
     pub private: Private,
     /// Frame Reference Time of PET in ms; only to distinguish images.
     pub frame_reference_time: Option<f64>,
-    /// Does Burned In Annotation say YES?
+    /// True if Burned In Annotation says YES.
     pub burned_in: bool,
-    /// Is a Conversion Type stated, as it is for secondary captures?
+    /// True if a Conversion Type is stated, as for secondary captures.
     pub converted: bool,
-    /// Is there a Modality LUT Sequence? Then values are not linear.
+    /// True if there is a Modality LUT Sequence: values are then not linear.
     pub modality_lut: bool,
-    /// The first attribute that places the image, scales its values or tells it apart, and is not the numbers that
-    /// belong there.
+    /// The first attribute with wrong numbers, among those that place the image, scale its values or distinguish it.
     pub wrong: Option<WrongNumbers>,
     /// The first such attribute with a decimal comma.
     pub comma: Option<Attribute>,
-    /// Does Segmentation Type say FRACTIONAL: are its values parts, not labels?
+    /// True if Segmentation Type says FRACTIONAL: values are then parts, not labels.
     pub fractional: bool,
-    /// Does Dimension Organization Type say that frames are tiles?
+    /// True if Dimension Organization Type says that frames are tiles.
     pub tiled: bool,
     /// Total Pixel Matrix Columns and Rows of a picture whose frames are tiles.
     pub total_matrix: [Option<u32>; 2],
-    /// How elements are written.
+    /// Encoding of elements.
     pub encoding: Encoding,
-    /// Where the elements after the meta header begin. In a deflated file, offsets from here on count
-    /// bytes of the inflated stream.
+    /// Offset of the elements after the meta header. In a deflated file, offsets from here on count bytes of the
+    /// inflated stream.
     pub dataset: u64,
-    /// Where some longer elements lie, which are read only when needed.
+    /// Offsets of longer elements, which are read only when needed.
     pub offsets: ElementOffsets,
     /// Pixels, if the file has any.
     pub pixels: Option<PixelData>,
@@ -294,8 +293,8 @@ impl DicomHeader {
         known.into()
     }
 
-    /// Are its frames tiles of a larger picture, not slices: those of a whole slide, say, or of what was found on
-    /// one?
+    /// True if its frames are tiles of a larger picture, not slices: a whole slide, for example, or a segmentation of
+    /// one.
     pub(crate) fn is_tiled(&self) -> bool {
         let sides = [self.columns, self.rows].map(|side| side.map(u32::from));
         let larger = |(total, side): (&Option<u32>, Option<u32>)| total.zip(side).is_some_and(|(a, b)| a > b);
@@ -304,22 +303,22 @@ impl DicomHeader {
             || self.total_matrix.iter().zip(sides).any(larger)
     }
 
-    /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
+    /// True for an RT dose. Its values are scaled by Dose Grid Scaling alone (PS3.3 C.8.8.3).
     pub(crate) fn is_dose(&self) -> bool {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
     }
 
-    /// Is it a parametric map, whose values are what its Real World Value Mapping makes of the numbers?
+    /// True for a parametric map, whose values follow from its Real World Value Mapping.
     pub(crate) fn is_parametric_map(&self) -> bool {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.30"
     }
 
-    /// Do frames follow each other by Frame Time or Frame Time Vector?
+    /// True if frames follow each other by Frame Time or Frame Time Vector.
     pub(crate) fn is_film(&self) -> bool {
         matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
     }
 
-    /// Why its pixels may carry text, if there is a reason to think so.
+    /// Reason why its pixels may carry text, if there is one.
     pub(crate) fn may_show_text(&self) -> Option<BurnedIn> {
         let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
         let is_screen = |part: &str| {
@@ -338,7 +337,7 @@ impl DicomHeader {
         }
     }
 
-    /// Is it a segmentation, whose numbers are labels in any colours?
+    /// True for a segmentation, whose numbers are labels in any colours.
     pub(crate) fn is_segmentation(&self) -> bool {
         [SEGMENTATION, FRACTIONAL].contains(&self.kind().as_str())
     }
@@ -356,13 +355,13 @@ impl DicomHeader {
         }
     }
 
-    /// Does [`DicomHeader::keep`] look at this tag?
+    /// True if [`DicomHeader::keep`] looks at this tag.
     pub(crate) fn wants(tag: Tag) -> bool {
         is_known(tag) || Private::wants(tag)
     }
 }
 
-/// Makes a table of elements into `keep_known`, which takes one over if it is in the table, and `is_known`.
+/// Turns a table of elements into `keep_known`, which takes over an element of the table, and `is_known`.
 macro_rules! elements {
     (|$header:ident, $value:ident, $endian:ident| $($tag:pat => $keep:expr,)*) => {
         fn keep_known($header: &mut DicomHeader, tag: Tag, $value: &[u8], $endian: Endian) -> bool {
@@ -385,7 +384,7 @@ elements! { |header, value, endian|
     0x0008_0018 => header.instance_uid = text(value),
     0x0008_9208 => header.complex_component = text(value),
     0x0008_002a => header.acquisition_time = header.acquisition_time.or(time_of(value)),
-    // It comes behind the other, and is preferred.
+    // Acquisition Time comes after Acquisition DateTime, and is preferred.
     0x0008_0032 => header.acquisition_time = number(value).or(header.acquisition_time),
     0x0054_1300 => header.frame_reference_time = number(value),
     0x0008_0064 => header.converted = !text(value).is_empty(),
@@ -445,7 +444,7 @@ elements! { |header, value, endian|
     0x0048_0007 => header.total_matrix[1] = long_of(value, endian),
 }
 
-/// Stated that an element states as text, if they place an image, scale its values or tell it apart.
+/// Numbers that an element states as text, if they place an image, scale its values or distinguish it.
 pub(super) fn numeric(tag: Tag) -> Option<Stated> {
     let of = |attribute, count, whole| Some(Stated { attribute, count, whole });
     let decimals = |attribute, count| of(attribute, Some(count), false);

@@ -1,13 +1,13 @@
 //! One DICOM file, element by element, in bounded memory.
 //!
-//! | file | what it does |
+//! | file | content |
 //! |---|---|
-//! | `window` | a small read window over a file; nothing is allocated by a declared length |
-//! | `deflated` | a deflated file seen as if it were not |
+//! | `window` | a small read window over a file; no declared length is allocated |
+//! | `deflated` | view of a deflated file as a plain one |
 //! | `value` | values by their representation |
 //! | `element` | one element after another, and steps over sequences |
-//! | `scan` | walks the elements of one file and keeps the few that matter |
-//! | `header` | those few, parsed: [`header::DicomHeader`] |
+//! | `scan` | walk over the elements of one file, keeping the few that matter |
+//! | `header` | the kept elements, parsed: [`header::DicomHeader`] |
 //! | `private` | the private ones among them |
 //! | `syntax` | transfer syntaxes by name |
 //! | `frames` | position and meaning of every frame of a file: [`frames::visit`] |

@@ -29,7 +29,7 @@ fn reserved(tag: Tag, group: u32) -> Option<u8> {
 }
 
 impl Private {
-    /// Does [`Private::keep`] look at this tag?
+    /// True if [`Private::keep`] looks at this tag.
     pub(crate) fn wants(tag: Tag) -> bool {
         reserved(tag, 0x0019).or(reserved(tag, 0x0029)).is_some()
             || private(tag, 0x0019).is_some_and(|(_, element)| element == 0x0a)
@@ -52,7 +52,7 @@ impl Private {
         }
     }
 
-    /// Is this the header that [`super::csa`] reads?
+    /// True for the header that [`super::csa`] reads.
     pub(crate) fn is_csa(&self, tag: Tag) -> bool {
         private(tag, 0x0029).is_some_and(|(block, element)| Some(block) == self.csa_block && element == 0x10)
     }

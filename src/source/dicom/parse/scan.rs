@@ -1,9 +1,9 @@
 //! Walks the elements of one file in bounded memory (PS3.5 section 7, PS3.10 section 7).
 //!
-//! One window of a few KiB is all that is held, and in a deflated file the state of the inflater. A
-//! declared length is compared with the bytes that are left before it is used, long values are stepped
-//! over, nested sequences are walked with a fixed stack. Sequences carry nothing that a classic image
-//! needs, so only their ends are looked for; where the few that matter begin is remembered.
+//! Memory is one window of a few KiB, and in a deflated file the state of the inflater. A declared length is compared
+//! with the remaining bytes before it is used, long values are stepped over, nested sequences are walked with a fixed
+//! stack. A classic image needs nothing inside sequences, so only their ends are looked for; the offsets of the few
+//! that matter are kept.
 
 use std::io;
 
@@ -27,15 +27,15 @@ const MODALITY_LUT: Tag = 0x0028_3000;
 /// Longest value accepted as the first one of a file without preamble and VRs.
 const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 
-/// Reads what matters of a DICOM file's header, in time linear in the number of elements before the
-/// pixels and in a few KiB of memory (some 50 for a deflated file), for any bytes.
+/// Reads the header of a DICOM file, in time linear in the number of elements before the pixels and in a few KiB of
+/// memory (some 50 for a deflated file), for any bytes.
 ///
 /// Files without preamble, and without meta header, are recognised when they begin plausibly and turn
 /// out to describe an object. Elements after the pixels are not looked at.
 ///
 /// # Errors
-/// See [`ScanError`]. A pixel element longer than the file is not an error here: the header says how much
-/// of it is there.
+/// See [`ScanError`]. A pixel element longer than the file is not an error here: the header states the bytes that the
+/// file has.
 pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let mut parser = Parser::new(input)?;
     let has_preamble = parser.window.array::<4>(128)? == Some(*b"DICM");
@@ -46,7 +46,7 @@ pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let mut scanner = Scanner { parser, header: DicomHeader::new(TransferSyntax::ImplicitLe) };
     let walked = scanner.file(start, input);
     let header = scanner.header;
-    // Without the preamble's word for it, only an object that says what it is counts as DICOM.
+    // Without the preamble, only an object that says its class or its size counts as DICOM.
     let says_what = header.sop_class.starts_with("1.") || (header.rows.is_some() && header.columns.is_some());
     match walked {
         Err(ScanError::Io(ReadFault::Deflate(fault))) => {
@@ -59,7 +59,7 @@ pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     }
 }
 
-/// Could a dataset or a meta header begin at byte 0?
+/// True if a dataset or a meta header could begin at byte 0.
 fn begins_plausibly<R: ReadAt + ?Sized>(window: &mut Window<'_, R>) -> io::Result<bool> {
     let Some(head) = window.array::<8>(0)? else { return Ok(false) };
     let [g0, g1, e0, e1, v0, v1, l0, l1] = head;
@@ -127,8 +127,8 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         Ok((at, syntax))
     }
 
-    /// How the dataset at `at` is written: as declared, unless its first element says otherwise
-    /// (files that lie about implicit and explicit are common, and the VR letters give them away).
+    /// Encoding of the dataset at `at`: as declared, unless its first element says otherwise (many files declare
+    /// implicit or explicit VR wrongly, and the VR letters give them away).
     fn detect(&mut self, at: u64, declared: Option<&TransferSyntax>) -> io::Result<Encoding> {
         let Some([g0, g1, _, _, v0, v1]) = self.parser.window.array::<6>(at)? else { return Ok(META) };
         let looks_big = u16::from_be_bytes([g0, g1]) < u16::from_le_bytes([g0, g1]);
@@ -137,8 +137,8 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         Ok(Encoding { explicit: big || length_form(&[v0, v1]).is_some(), endian })
     }
 
-    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is reported
-    /// of when it is used.
+    /// True if a Modality LUT Sequence has a table, or a part of one. A damaged sequence counts as one, and is reported
+    /// when it is used.
     fn holds_lut(&mut self, sequence: &Element, at: u64, encoding: Encoding) -> bool {
         const DESCRIPTOR: Tag = 0x0028_3002;
         const DATA: Tag = 0x0028_3006;
@@ -175,7 +175,7 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
                 return Ok(());
             }
             if element.tag == MODALITY_LUT && !self.holds_lut(&element, at, encoding) {
-                // The sequence is there for form's sake: other readers pass it over, too.
+                // The sequence holds no table: other readers pass it over, too.
                 at = self.parser.skip(&element, at, encoding)?;
                 continue;
             }

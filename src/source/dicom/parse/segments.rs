@@ -9,16 +9,16 @@ use super::window::ReadAt;
 use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::volume::{Endian, StatedLabel};
 
-/// Segments that are taken at most; they take some 200 bytes each.
+/// Most segments that are read; each takes some 200 bytes.
 const MAX_SEGMENTS: usize = 4096;
 const MEANING: Tag = 0x0008_0104;
 const TYPE: Tag = 0x0062_000f;
 const TYPE_MODIFIER: Tag = 0x0062_0011;
 
-/// The segments that a file describes, by their numbers; none of a file without a Segment Sequence (0062,0002).
+/// The segments that a file describes, by their numbers; none for a file without a Segment Sequence (0062,0002).
 ///
-/// A segment's name is the coded meaning of its type, after that of the type's modifier ("Right Kidney"); its label,
-/// which is free text, is kept apart.
+/// A segment's name is the coded meaning of its type, after the meaning of the type's modifier ("Right Kidney"); its
+/// label, which is free text, is kept apart.
 ///
 /// # Errors
 /// The sequence is damaged, or the file cannot be read.
@@ -62,8 +62,8 @@ fn read<R: ReadAt + ?Sized>(input: &R, at: u64, encoding: Encoding) -> Result<Ve
     Ok(found)
 }
 
-/// What the codes of a sequence mean, one after the other, each after its modifiers where these are asked for; and the
-/// offset after the sequence.
+/// Meanings of the codes of a sequence, one after the other, each after its modifiers where these are asked for; and
+/// the offset after the sequence.
 fn meaning<'a, R: ReadAt + ?Sized>(
     parser: &mut Parser<'a, R>,
     sequence: &Element,
@@ -98,9 +98,9 @@ fn words(value: &[u8]) -> String {
     text.chars().filter(|c| !c.is_control()).collect::<String>().trim().to_owned()
 }
 
-/// sRGB of a Recommended Display CIELab Value: L, a and b in 16 bits each, in the profile connection space of ICC, whose
-/// white is D50 (PS3.3 C.10.7.1.1, PS3.4 N.2.2.2). DCMTK and what is made with it take D65 for that white, so that
-/// saturated colours of theirs come out a little different: the red of a pure blue may be 60 of 255, not 0.
+/// sRGB of a Recommended Display CIELab Value: L, a and b in 16 bits each, in the profile connection space of ICC,
+/// whose white is D50 (PS3.3 C.10.7.1.1, PS3.4 N.2.2.2). DCMTK and programs built on it take D65 for that white, so
+/// that their saturated colours come out a little different: the red of a pure blue may be 60 of 255, not 0.
 fn color(value: &[u8], endian: Endian) -> Option<[u8; 3]> {
     let part = |i: usize| value.get(2 * i..).and_then(|v| word_of(v, endian)).map(f64::from);
     let lightness = part(0)? / 65_535.0 * 100.0;
@@ -128,7 +128,7 @@ fn color(value: &[u8], endian: Endian) -> Option<[u8; 3]> {
 mod tests {
     use super::*;
 
-    /// Of L*, a*, b* relative to D50, as Lindbloom's calculator gives them for sRGB by Bradford.
+    /// Values of L*, a*, b* relative to D50 from Lindbloom's calculator, for sRGB by Bradford.
     #[test]
     fn colours_are_those_of_the_profile_connection_space() {
         for (lab, rgb) in [

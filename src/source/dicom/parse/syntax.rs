@@ -90,13 +90,13 @@ impl TransferSyntax {
         }
     }
 
-    /// Are pixels stored as plain integers at one offset?
+    /// True if pixels are stored as plain integers at one offset.
     pub(crate) fn is_native(&self) -> bool {
         matches!(self, Self::ImplicitLe | Self::ExplicitLe | Self::ExplicitBe)
     }
 
-    /// What can be done about pixels that are not decoded, as the end of a sentence. The converter named for JPEG XL
-    /// writes uncompressed DICOM by default; DCMTK knows the syntaxes by name only, and `djxl` opens no DICOM.
+    /// Remedy for pixels that are not decoded, as the end of a sentence. The converter named for JPEG XL writes
+    /// uncompressed DICOM by default; DCMTK knows the syntaxes by name only, and `djxl` opens no DICOM.
     pub(crate) fn remedy(&self) -> &'static str {
         match self.tail() {
             Some(".4.110" | ".4.111" | ".4.112") => {
@@ -106,7 +106,7 @@ impl TransferSyntax {
         }
     }
 
-    /// What sets an encapsulated syntax apart: the UID without the root of the standard's transfer syntaxes.
+    /// Distinctive part of an encapsulated syntax: the UID without the root of the standard's transfer syntaxes.
     pub(crate) fn tail(&self) -> Option<&str> {
         if let Self::Encapsulated(uid) = self { uid.strip_prefix(ROOT) } else { None }
     }
@@ -134,7 +134,7 @@ impl Codec {
         self == Self::Jpeg2000
     }
 
-    /// Does a fragment with these first bytes begin a codestream?
+    /// True if a fragment with these first bytes begins a codestream.
     pub(crate) fn begins(self, bytes: [u8; 4]) -> bool {
         match self {
             Self::Jpeg | Self::JpegPasses | Self::JpegLs => bytes.starts_with(&[0xff, 0xd8, 0xff]),

@@ -44,9 +44,9 @@ fn decimal(part: &str) -> Option<f64> {
 /// The numbers that an attribute states.
 pub(super) struct Stated {
     pub(super) attribute: Attribute,
-    /// How many belong there; `None` for any number of them.
+    /// Number of values; `None` for any.
     pub(super) count: Option<usize>,
-    /// True if they are whole.
+    /// True if the numbers are whole.
     pub(super) whole: bool,
 }
 
@@ -87,7 +87,7 @@ impl Stated {
     }
 }
 
-/// What the value of an attribute that states numbers is worth.
+/// Verdict on the value of an attribute that states numbers.
 pub(super) enum Judgement {
     Sound,
     /// Stated with decimal commas.
@@ -95,7 +95,7 @@ pub(super) enum Judgement {
     Wrong(WrongNumbers),
 }
 
-/// A value that is not the numbers of its attribute.
+/// A value of an attribute that states something else than its numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WrongNumbers {
     attribute: Attribute,

@@ -89,7 +89,7 @@ impl<'a, R: ReadAt + ?Sized> Window<'a, R> {
         {
             return Ok(&self.buf[skip..skip + wanted]);
         }
-        // What is held already is kept, so that the input is only ever read forwards.
+        // Bytes of the window are kept, so that the input is only ever read forwards.
         let kept = match inside {
             Some(skip) if skip < self.have => {
                 self.buf.copy_within(skip..self.have, 0);

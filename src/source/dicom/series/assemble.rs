@@ -12,10 +12,10 @@ use crate::source::GapPolicy;
 use crate::source::dicom::series::gaps::ImageName;
 use crate::volume::Note;
 
-/// Tilt in degrees from which it is worth a sentence.
+/// Tilt in degrees from which it is reported.
 const TILT_DEGREES: f64 = 0.1;
 
-/// Sideways deviation of a slice from the common line, in pixels, from which it is worth a sentence.
+/// Sideways deviation of a slice from the common line, in pixels, from which it is reported.
 const SIDEWAYS_PIXELS: f64 = 0.1;
 
 /// Directions of rows and columns that are assumed where slices state positions alone.
@@ -109,7 +109,7 @@ pub(crate) fn assemble(
     Ok(Stack { layers, affine, notes })
 }
 
-/// Do positions differ along z?
+/// True if positions differ along z.
 fn rises(slices: &[(usize, &Slice)]) -> bool {
     let mut heights = slices.iter().map(|(_, s)| s.at[2]);
     let first = heights.next().unwrap_or(0.0);

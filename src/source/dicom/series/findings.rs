@@ -29,7 +29,7 @@ const NAMED_COPIES: usize = 32;
 /// The cure for a file that breaks off, or is damaged, among others.
 const WITHOUT_IT: &str = "; copy the file again, or move it away to build without it";
 
-/// The refusal of an image for what is in its way.
+/// Refusal of an image for its obstacle.
 pub(super) fn of_image(obstacle: &Obstacle) -> Fault {
     if obstacle.cut_short { bad!("{obstacle}{WITHOUT_IT}") } else { unfit!("{obstacle}") }
 }
@@ -93,7 +93,7 @@ fn group_labels(groups: &[Group]) -> Vec<String> {
     groups.iter().map(label).collect()
 }
 
-/// Two parts of a series never have one label; the first that needs none has none.
+/// Makes the labels of two parts of a series distinct; the first part without need of a label has none.
 fn make_distinct(parts: &mut [(&Group, Part)]) {
     if parts.len() < 2 {
         return;

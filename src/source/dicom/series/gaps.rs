@@ -1,4 +1,4 @@
-//! Distances between slices: even, repeated, or with gaps, and what is done about those.
+//! Distances between slices: even, repeated, or with gaps, and the treatment of gaps.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,13 +10,13 @@ use crate::text::names::GAPS;
 use crate::text::shown;
 use crate::volume::Note;
 
-/// Gaps that differ less than this from the mean are even: scanners print positions in micrometres.
+/// Deviation from the mean below which gaps are even: scanners print positions in micrometres.
 const EVEN: f64 = 1e-3;
 
-/// Gaps that differ more than this make a regular grid wrong by a visible part of a voxel: refused.
+/// Deviation above which a regular grid would be wrong by a visible part of a voxel, and is refused.
 const UNEVEN: f64 = 0.05;
 
-/// Positions rounded to a tenth of a millimetre are off by at most this along any direction.
+/// Greatest error along any direction of positions rounded to a tenth of a millimetre.
 const ROUNDED_MM: f64 = 0.0867;
 
 /// Differences that such rounding explains, as a part of the mean gap; where a slice is missing, others lie
@@ -29,23 +29,23 @@ const SAME: f64 = 0.01;
 /// Closest positions in mm that count as two.
 const SAME_MM: f64 = 1e-3;
 
-/// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
+/// Most slices made for each existing one: more would be a picture of the interpolation.
 const MAX_MADE: f64 = 10.0;
 
 /// Gaps named in one warning.
 const NAMED: usize = 4;
 
-/// Where the slices of the volume come from.
+/// Origin of the slices of the volume.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Grid {
-    /// One for each image.
+    /// One slice for each image.
     AsTheyAre,
-    /// So much of the way from this image to the next; 0 is the image itself.
+    /// Part of the way from this image to the next; 0 is the image itself.
     Filled(Vec<(usize, f64)>),
 }
 
-/// The usual gap of sorted positions (the lower median of those that are gaps), and below which distance
-/// two positions are one.
+/// The usual gap of sorted positions (the lower median of the gaps), and the distance below which two positions are
+/// one.
 fn usual_gap(along: &[f64]) -> (f64, f64) {
     let mut gaps: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > SAME_MM).collect();
     gaps.sort_by(f64::total_cmp);
@@ -53,8 +53,8 @@ fn usual_gap(along: &[f64]) -> (f64, f64) {
     (usual, SAME_MM.max(SAME * usual))
 }
 
-/// Numbers the distinct positions of images, in their order along the normal: for each image, in the
-/// order given, the number of its position; and how many there are.
+/// Numbers the distinct positions of images, in their order along the normal. Returns for each image, in the given
+/// order, the number of its position; and the number of positions.
 pub(crate) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     let mut order: Vec<usize> = (0..along.len()).collect();
     let at = |i: usize| along.get(i).copied().unwrap_or(0.0);
@@ -75,11 +75,11 @@ pub(crate) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     (numbers, if along.is_empty() { 0 } else { number + 1 })
 }
 
-/// Slices of a segmentation at most, empty ones included.
+/// Most slices of a segmentation, empty ones included.
 const MAX_LAYERS: f64 = 4096.0;
 
-/// Where images of a segmentation, which leaves out empty slices, lie on the grid of all slices: for each
-/// slice the number of its image. `None` if they lie evenly as they are, or on no grid.
+/// Images of a segmentation, which leaves out empty slices, on the grid of all slices: for each slice the number of its
+/// image. `None` if images lie evenly already, or on no grid.
 pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Vec<Option<usize>>> {
     if !is_uneven(along) {
         return None;
@@ -110,7 +110,7 @@ pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Ve
 /// An image of a series.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ImageName {
-    /// Its file, without the folder.
+    /// Name of its file, without the folder.
     pub file: PathBuf,
     /// Number of the frame, from 0, where files have several.
     pub frame: Option<u32>,
@@ -126,7 +126,7 @@ impl fmt::Display for ImageName {
     }
 }
 
-/// Are positions, which may be in any order, so uneven that they would be refused?
+/// True if positions, in any order, are so uneven that they would be refused.
 pub(crate) fn is_uneven(along: &[f64]) -> bool {
     let mut sorted = along.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -135,8 +135,8 @@ pub(crate) fn is_uneven(along: &[f64]) -> bool {
         .is_err_and(|fault| fault.kind == FaultKind::Gaps)
 }
 
-/// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
-/// with them; notes small deviations. `name` names an image.
+/// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy handles them; notes small
+/// deviations. `name` names an image.
 pub(crate) fn judge_gaps(
     along: &[f64],
     policy: GapPolicy,
@@ -205,7 +205,7 @@ fn fill(
     let mut places = Vec::new();
     let (mut made, mut used, mut worst, mut below, mut k) = (0_u64, 0_usize, 0.0_f64, 0_usize, 0_usize);
     let mut last_used = None;
-    // Where slices were made: behind which image, and how many.
+    // Gaps with made slices: the image before each, and the number of slices.
     let mut holes: Vec<(usize, u64)> = Vec::new();
     while count(k) <= steps {
         let place = start + count(k) * step;
@@ -262,10 +262,10 @@ fn fill(
     Ok(Grid::Filled(places))
 }
 
-/// Uneven gaps: which lengths occur how often, and where slices seem to be missing.
+/// The fault of uneven gaps: their lengths with counts, and the places where slices seem to be missing.
 fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> Fault {
     const KINDS: usize = 6;
-    // Gaps as long as the first of their kind: how many, and their sum.
+    // Length of the first gap of each kind, number of gaps as long, and their sum.
     let mut kinds: Vec<(f64, usize, f64)> = Vec::new();
     for gap in gaps {
         match kinds.iter_mut().find(|(length, ..)| (length - gap).abs() <= EVEN * usual) {

@@ -1,4 +1,4 @@
-//! The images of one series, and those of them that could lie in one volume.
+//! The images of one series, grouped by those that could lie in one volume.
 
 use std::collections::{HashMap, HashSet};
 use std::io;
@@ -17,16 +17,16 @@ use crate::source::finding::BurnedIn;
 use crate::source::stable_hash::StableHash;
 use crate::volume::{Note, StatedLabel};
 
-/// Orientation cosines that differ by less are the same; scanners print six digits.
+/// Difference below which orientation cosines are the same; scanners print six digits.
 const ORIENTATION_TOLERANCE: f64 = 1e-4;
 
-/// Relative difference of pixel spacings that are the same.
+/// Relative difference below which pixel spacings are the same.
 const SPACING_TOLERANCE: f64 = 1e-4;
 
-/// Texts that are kept apart in one series; what comes later counts as one.
+/// Most texts that are distinguished in one series; all later ones count as one.
 const MAX_TEXTS: usize = 256;
 
-/// Notes on the files of a group; those of damaged files may all differ.
+/// Most notes on the files of a group; notes on damaged files may all differ.
 const MAX_NOTES: usize = 16;
 
 /// [`Slice::obstacle`] of an image that can be read.
@@ -74,7 +74,7 @@ const NUMBERS: [(&str, Attribute, bool); Key::NUMBERS] = [
 ];
 
 impl Key {
-    /// Numbers that a slice has: those of [`Slice::keys`], then [`Slice::dimensions`].
+    /// Count of a slice's numbers: [`Slice::keys`], then [`Slice::dimensions`].
     pub(crate) const NUMBERS: usize = Self::KEPT + 5;
 
     /// Numbers that a slice keeps as such.
@@ -94,7 +94,7 @@ impl Key {
         [Self::ImageType].into_iter().chain((0..Self::NUMBERS).map(Self::Number)).chain(last)
     }
 
-    /// Is it a moment, which may differ from slice to slice of one volume?
+    /// True for a time, which may differ from slice to slice of one volume.
     pub(crate) fn is_time(self) -> bool {
         [Self::TRIGGER, Self::TIME, Self::REFERENCE].contains(&self)
     }
@@ -117,7 +117,7 @@ impl Key {
         }
     }
 
-    /// The number that a slice states, if it is one.
+    /// The number that a slice states, for keys with a number.
     pub(crate) fn number(self, slice: &Slice) -> Option<f64> {
         if let Self::Number(at) = self { slice.number(at) } else { None }
     }
@@ -158,7 +158,7 @@ pub(crate) struct Slice {
     /// Hash of the SOP Instance UID; 0 without one.
     pub(crate) identity: u64,
     pub(crate) instance: Option<i32>,
-    /// NaN where not stated; see [`Slice::position`].
+    /// Position in mm, NaN where not stated; see [`Slice::position`].
     pub(crate) at: [f64; 3],
     /// Offset of the pixels where they can be read by position, else `u64::MAX`.
     pub(crate) native: u64,
@@ -166,7 +166,7 @@ pub(crate) struct Slice {
     pub(crate) pixels: (u64, u64),
     /// Slope and intercept, if stated and to be applied, else NaN; see [`Slice::rescale`].
     pub(crate) linear: (f64, f64),
-    /// Do slope and intercept apply at all?
+    /// True if slope and intercept apply at all.
     pub(crate) rescales: bool,
     /// Stored values that mean "no pixel".
     pub(crate) padding: PaddingAttributes,
@@ -217,15 +217,15 @@ pub(crate) struct Shared {
     pub(crate) series_number: Option<i32>,
     /// Columns and rows, of a tile in a mosaic.
     pub(crate) size: [u32; 2],
-    /// How the slices lie in each image, where one image is a volume.
+    /// Arrangement of the slices in each image, where one image is a volume.
     pub(crate) mosaic: Option<Mosaic>,
     pub(crate) orientation: Option<[f64; 6]>,
     pub(crate) pixel_spacing: Option<[f64; 2]>,
     pub(crate) slice_thickness: Option<f64>,
     pub(crate) spacing_between: Option<f64>,
-    /// Is it a segmentation, where slices without anything need no frame?
+    /// True for a segmentation, where empty slices need no frame.
     pub(crate) leaves_out_empty: bool,
-    /// Why the pixels of some image may carry text.
+    /// Reason why the pixels of some image may carry text.
     pub(crate) burned_in: Option<BurnedIn>,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(crate) unroll_bytes: u64,
@@ -243,7 +243,7 @@ impl Shared {
         }
     }
 
-    /// Could an image lie in the same volume, as far as directions and distances of pixels go?
+    /// True if an image could lie in the same volume, as far as directions and distances of pixels go.
     fn is_like(&self, other: &Self) -> bool {
         self.turns_like(other) && self.spaced_like(other)
     }
@@ -276,7 +276,7 @@ impl Shared {
         if differ.is_empty() { vec![Attribute::PixelFormat] } else { differ }
     }
 
-    /// A whole number that differs by at most one between orientations that are the same.
+    /// A whole number that differs by at most one between equal orientations.
     fn bucket(&self) -> i64 {
         const WEIGHTS: [f64; 6] = [1.0, 0.7, 0.5, 0.9, 0.6, 0.8];
         const WIDTH: f64 = 1e-2;
@@ -294,7 +294,7 @@ fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
 /// Images of one size, kind and orientation.
 #[derive(Debug)]
 pub(crate) struct Group {
-    /// Hash of everything in which the images of one volume agree, but for the format of their pixels.
+    /// Hash of all attributes in which the images of one volume agree, except for the format of their pixels.
     family: u64,
     pub(crate) shared: Shared,
     pub(crate) slices: Vec<Slice>,
@@ -312,10 +312,10 @@ pub(crate) struct Series {
     pub(crate) obstacles: Vec<Obstacle>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
-    /// The first file with an image that cannot be placed, scaled or told apart, as its header states wrong numbers, and
-    /// these: which of the others it belongs to is not known, either.
+    /// The first file with an image that cannot be placed, scaled or told apart, as its header states wrong numbers,
+    /// and these: which of the others it belongs to is not known, either.
     pub(crate) wrong: Option<(u32, String)>,
-    /// Files that were images when they were found, and are not any more.
+    /// The first file that was an image when it was found, and is not any more.
     pub(crate) lost: Option<(PathBuf, ScanError)>,
     /// The segments of a segmentation, by number.
     pub(crate) segments: Vec<StatedLabel>,
@@ -345,7 +345,7 @@ impl Series {
         }
     }
 
-    /// The group that an image belongs to, by the hash of what must be equal and by what may differ a
+    /// The group of an image, by the hash of the attributes that must be equal and by the attributes that may differ a
     /// little; found in constant time.
     pub(crate) fn group_of(&mut self, family: u64, format: u64, shared: Shared) -> &mut Group {
         let key = StableHash::new().number(family).number(format).finish();
@@ -388,7 +388,7 @@ impl Series {
         index_of(&mut self.obstacles, fault.clone(), MAX_TEXTS)
     }
 
-    /// Number of a direction of diffusion, in the order in which they were met.
+    /// Number of a direction of diffusion, in the order of first appearance.
     pub(crate) fn direction_index(&mut self, direction: Option<[f64; 3]>) -> f64 {
         const DIGITS: f64 = 1e4;
         let Some(direction) = direction else { return f64::NAN };
@@ -397,12 +397,12 @@ impl Series {
         index_of(&mut self.directions, rounded, 4 * MAX_TEXTS).into()
     }
 
-    /// Number of what the vectors of nuclear medicine say of a frame, in the order in which they were met.
+    /// Number of a frame's vectors of nuclear medicine, in the order of first appearance.
     pub(crate) fn vectors_index(&mut self, vectors: [u16; 8]) -> f64 {
         if vectors == [0; 8] { f64::NAN } else { index_of(&mut self.vectors, vectors, 4 * MAX_TEXTS).into() }
     }
 
-    /// Number of a stack, in the order in which they were met.
+    /// Number of a stack, in the order of first appearance.
     pub(crate) fn stack_index(&mut self, stack: &str) -> f64 {
         if stack.is_empty() {
             f64::NAN
@@ -416,7 +416,7 @@ impl Series {
         self.lost.get_or_insert((path, error));
     }
 
-    /// All images are there: they are put in an order that no file name decides, and copies are dropped.
+    /// Ends loading: images are put in an order that no file name decides, and copies are dropped.
     pub(crate) fn finish(&mut self) {
         self.index = HashMap::new();
         // Image types are compared by their text, not by who came first.
@@ -453,8 +453,8 @@ impl Series {
         self.join_formats();
     }
 
-    /// Images of one family whose pixels are of several formats lie in one volume, unless they repeat positions; grey ones
-    /// and colours only where they make one even stack.
+    /// Images of one family whose pixels are of several formats lie in one volume, unless they repeat positions; grey
+    /// ones and colours only where they make one even stack.
     fn join_formats(&mut self) {
         let mut joined: Vec<Group> = Vec::new();
         for mut group in std::mem::take(&mut self.groups) {
@@ -488,7 +488,7 @@ impl Group {
     }
 }
 
-/// Whether images at different positions lie evenly; `None` where they repeat positions, or state none.
+/// True if images at different positions lie evenly; `None` where they repeat positions, or state none.
 fn is_stack(group: &Group) -> Option<bool> {
     let along = along_normal(group, &(0..group.slices.len()).collect::<Vec<_>>())?;
     (positions(&along).1 == along.len()).then(|| !is_uneven(&along))

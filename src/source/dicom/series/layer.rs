@@ -1,4 +1,4 @@
-//! Slices of a volume: where each one comes from.
+//! Slices of a volume, and the images that they come from.
 
 use crate::geom::Affine;
 use crate::volume::Note;
@@ -19,8 +19,8 @@ pub(crate) enum Layer {
     Image(usize),
     /// A tile of an image.
     Tile(usize, u32),
-    /// Nothing: a slice that a segmentation leaves out.
+    /// An empty slice that a segmentation leaves out.
     Empty,
-    /// No image lies here: so much of the way from the first to the second.
+    /// A missing slice: part of the way from the first image to the second.
     Between(usize, usize, f64),
 }

@@ -1,15 +1,15 @@
-//! The images of one series, and the volumes that they are.
+//! The images of one series, and their volumes.
 //!
-//! | file | what it does |
+//! | file | content |
 //! |---|---|
-//! | `survey` | recognises images among other files, and loads the images of one series |
-//! | `group` | groups them by what must be equal, drops copies |
-//! | `split` | separates images that repeat positions: echoes, phases, ... |
+//! | `survey` | recognition of images among other files, and loading of one series |
+//! | `group` | groups of images with equal attributes; copies are dropped |
+//! | `split` | separation of images that repeat positions: echoes, phases, ... |
 //! | `axes` | directions of rows and columns |
-//! | `layer` | where a slice of a volume comes from |
+//! | `layer` | source of each slice of a volume |
 //! | `gaps` | uneven and missing slices |
 //! | `mosaic` | slices tiled into one picture |
-//! | `assemble` | orders a group by position, judges and fills its gaps |
+//! | `assemble` | order of a group by position, with its gaps judged and filled |
 //! | `volume` | [`volume::DicomVolume`], the source itself |
 //! | `findings` | the volumes of a series, named without patient data |
 

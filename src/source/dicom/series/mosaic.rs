@@ -1,5 +1,5 @@
-//! Mosaics: one picture that holds the slices of a volume as tiles. Those of Siemens are read; those of other
-//! vendors are refused by name, as pictures of tiles must not become slices.
+//! Mosaics: one picture that holds the slices of a volume as tiles. Siemens mosaics are read; those of other vendors
+//! are refused by name, as pictures of tiles must not become slices.
 //!
 //! ```text
 //!   tile 0 | tile 1 | tile 2        as many tiles in a row as in a column: the square root of the number
@@ -7,10 +7,10 @@
 //!   tile 6 |        |
 //! ```
 //!
-//! Image Type says that a picture is one; how many slices it holds, and on which side of a slice the next
-//! one lies, are only in private elements (see [`crate::source::dicom::parse::csa`]). The stated position is that of the first
-//! pixel of a picture as large as all tiles together with the first slice in its centre, so that of the
-//! first slice lies half the difference of the sizes further along the rows and down the columns.
+//! Image Type marks a mosaic; the number of its slices, and the side of a slice on which the next one lies, are only in
+//! private elements (see [`crate::source::dicom::parse::csa`]). The stated position is the first pixel of a picture as
+//! large as all tiles together with the first slice in its centre, so that the first slice's first pixel lies half the
+//! difference of the sizes further along the rows and down the columns.
 //!
 //! An enhanced image has frames of its own and is never a mosaic, even if it claims to be one.
 
@@ -28,11 +28,11 @@ use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Note;
 
-/// Cosine of the largest angle between the stated normal and that of the image: they are the same but for
-/// rounding, and one that is not belongs to another image.
+/// Least cosine between the stated normal and the image's: they differ by rounding only, and a normal that differs more
+/// belongs to another image.
 const PARALLEL: f64 = 0.99;
 
-/// How the slices of a volume lie in a picture.
+/// Arrangement of the slices of a volume in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mosaic {
     /// Tiles in a row, and in a column.
@@ -41,7 +41,7 @@ pub(crate) struct Mosaic {
     pub(crate) slices: u32,
     /// Distance of neighbouring slices.
     pub(crate) distance_mm: f64,
-    /// Do slices follow each other against the normal, rows x columns?
+    /// True if slices follow each other against the normal, rows x columns.
     pub(crate) backwards: bool,
 }
 
@@ -54,20 +54,20 @@ pub(crate) struct MosaicLayout {
     pub(crate) notes: Vec<Note>,
 }
 
-/// Is the image a mosaic, of whichever vendor?
+/// True for a mosaic, of whichever vendor.
 pub(crate) fn is_one(header: &DicomHeader) -> bool {
     let enhanced = header.offsets.frame_groups.is_some() || header.offsets.shared_groups.is_some();
     !enhanced && (header.image_type.split('\\').any(|part| part.trim() == "MOSAIC") || is_frame_set(header))
 }
 
-/// Do tiles lie in one picture as United Imaging lays them: the image type names a frame set, or a private sequence
-/// lists its frames? Where each tile lies is in that sequence only.
+/// True for tiles in one picture as United Imaging lays them: the image type names a frame set, or a private sequence
+/// lists its frames. The place of each tile is in that sequence only.
 fn is_frame_set(header: &DicomHeader) -> bool {
     (header.offsets.frame_set.is_some() && header.modality == "MR")
         || header.image_type.split('\\').any(|part| part.split('_').any(|word| word.trim() == "VFRAME"))
 }
 
-/// How the slices lie in an image that [`is_one`]; or why that is not known.
+/// Arrangement of the slices in an image that [`is_one`]; or the reason why it is unknown.
 pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<MosaicLayout, Obstacle> {
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
         return Err(Obstacle::new("a Siemens mosaic of several frames cannot be read"));
@@ -156,7 +156,7 @@ fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Res
 }
 
 impl MosaicLayout {
-    /// Geometry of the first slice, from that of the picture.
+    /// Geometry of the first slice, from the picture's.
     pub(crate) fn first_slice(&self, mut picture: FrameGeometry) -> FrameGeometry {
         let axes = picture.orientation.and_then(directions);
         if let (Some(position), Some((row, column, _))) = (picture.position, axes) {

@@ -27,7 +27,7 @@ pub(crate) struct Part {
     pub(crate) by: Vec<Attribute>,
 }
 
-/// How often positions repeat.
+/// Repetition of positions.
 struct Repeats {
     /// For each image the number of its position.
     numbers: Vec<usize>,
@@ -45,7 +45,7 @@ fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
     }
     let along = along_normal(group, chosen).unwrap_or_default();
     let (numbers, places) = positions(&along);
-    // Without positions nothing repeats.
+    // Without positions none repeats.
     let extra = numbers.len() - places;
     Repeats { numbers, places, extra }
 }
@@ -56,7 +56,7 @@ pub(crate) fn split(group: &Group, types: &[String]) -> Vec<Part> {
     let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), by: Vec::new() };
     let mut done = Vec::new();
     let mut waiting = vec![whole];
-    // Each split makes parts that are smaller, so this ends.
+    // The loop ends, as each split makes smaller parts.
     while let Some(part) = waiting.pop() {
         if let Some((key, parts)) = apart(group, &part.chosen) {
             waiting.extend(named(key, parts, &part, group, types).into_iter().rev());
@@ -68,7 +68,7 @@ pub(crate) fn split(group: &Group, types: &[String]) -> Vec<Part> {
             continue;
         }
         let mut found = best(group, &part.chosen, repeats.extra, true);
-        // Times that differ from position to position are not those of volumes.
+        // Times that differ from position to position do not separate volumes.
         let ragged = |(key, parts): &(Key, Parts)| {
             key.is_time() && parts.values().any(|own| self::repeats(group, own).places < repeats.places)
         };
@@ -172,7 +172,7 @@ fn label_of(key: Key, slice: &Slice, rank: usize, siblings: &[&str], types: &[St
         }
         _ if ranked => format!("{word} {}", rank + 1),
         Key::Number(at) => match slice.number(at) {
-            // Kept as a single, and shown as one.
+            // The value was a single, so the cast is exact.
             #[expect(clippy::cast_possible_truncation, reason = "it was a single")]
             Some(value) => format!("{word} {}", value as f32),
             None => format!("no {word}"),
@@ -245,7 +245,7 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     let mut parts = vec![Vec::new(); turns];
     for images in at_place.values_mut() {
         images.sort_by_key(order);
-        // Two images that nothing sets apart have no order.
+        // Two images without a distinguishing attribute have no order.
         if !images.is_sorted_by(|a, b| order(a) < order(b)) {
             return None;
         }
@@ -286,15 +286,15 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     Some(parts.into_iter().enumerate().map(part).collect())
 }
 
-/// Does such a sequence go through all positions several times, and through some of them at the end? After
-/// one time alone those could as well be replacements.
+/// True if such a sequence goes through all positions several times, and through some of them at the end. After a
+/// single pass those could as well be replacements.
 fn is_broken_off(sequence: &[(usize, usize)], places: usize, turns: usize) -> bool {
     let mut runs = sequence.chunks(places).enumerate();
     turns > 2 && runs.all(|(k, run)| run.iter().all(|(turn, _)| *turn == k))
 }
 
-/// Does a sequence of (how often the position was met before, position) consist of blocks in which the same
-/// positions are met once, then all of them once more, and so on?
+/// True if a sequence of (times that the position was met before, position) consists of blocks in which the same
+/// positions are met once, then all of them once more, and so on.
 fn is_regular(sequence: &[(usize, usize)], turns: usize) -> bool {
     let mut rest = sequence;
     while let Some((first, _)) = rest.first() {

@@ -1,4 +1,4 @@
-//! Tells images from other files, and loads the images of one series.
+//! Recognition of images among other files, and loading of the images of one series.
 //!
 //! Memory: one header at a time, some 250 bytes per image, the names once.
 
@@ -31,14 +31,14 @@ pub(crate) enum Recognition {
     Image {
         /// Series Instance UID.
         series: String,
-        /// Its frames.
+        /// Number of its frames.
         frames: u32,
-        /// Memory that is taken for a moment when the series is opened, about.
+        /// Approximate memory that is taken for a moment when the series is opened.
         opening_bytes: u64,
     },
     /// A report, a plan, a directory, ...
     NoImage(Obstacle),
-    /// It begins as DICOM, but cannot be followed.
+    /// A file that begins as DICOM, but is damaged.
     Damaged(ScanError),
     /// The system refused.
     Unreadable(io::Error),
@@ -79,7 +79,7 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     series
 }
 
-/// Why a frame cannot be placed, scaled or told apart.
+/// Reason why a frame cannot be placed, scaled or told apart.
 fn illegible(header: &DicomHeader, frame: &FrameGeometry) -> Option<Obstacle> {
     let unmapped = |(slope, intercept): (f64, f64)| !(slope.is_finite() && intercept.is_finite());
     let wrong = frame.wrong.as_ref().map(|wrong| Obstacle::new(wrong.to_string()));
@@ -155,7 +155,7 @@ fn add_file(series: &mut Series, file: usize, input: &PositionalFile, header: &D
     }
 }
 
-/// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
+/// True if the frames of nuclear medicine differ in anything but their slice, which none of them states.
 fn is_planar(input: &PositionalFile, header: &DicomHeader) -> Result<bool, ScanError> {
     let places = &header.offsets;
     if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
@@ -169,7 +169,7 @@ fn is_planar(input: &PositionalFile, header: &DicomHeader) -> Result<bool, ScanE
     Ok(differ)
 }
 
-/// Is the end of compressed pixels missing? A file that cannot be read says so when it is decoded.
+/// Note on a missing end of compressed pixels. A file that cannot be read says so when it is decoded.
 fn end_note(input: &PositionalFile, header: &DicomHeader, image: &Image) -> Option<Note> {
     let Storage::Coded(codec) = image.storage else { return None };
     let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
@@ -183,7 +183,7 @@ fn end_note(input: &PositionalFile, header: &DicomHeader, image: &Image) -> Opti
     Some(Note::new(format!("the end of the pixel data is missing; was the file cut short?{lost}")))
 }
 
-/// Adds a frame; returns what its group shares.
+/// Adds a frame; returns the attributes that its group shares.
 fn add_frame<'s>(
     series: &'s mut Series,
     file: usize,
@@ -200,7 +200,7 @@ fn add_frame<'s>(
     let rescale = if header.is_dose() {
         header.dose_scaling.map(|scaling| (scaling, 0.0))
     } else {
-        // Parametric maps have an identity as rescale, and their meaning in the mapping.
+        // Parametric maps have an identity as rescale; the mapping holds the real one.
         frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
     };
     let rescales = image.is_none_or(Image::rescales);
@@ -273,7 +273,7 @@ fn add_frame<'s>(
     &mut group.shared
 }
 
-/// Hash of everything in which the images of one volume agree, but for the format of their pixels.
+/// Hash of all attributes in which the images of one volume agree, except for the format of their pixels.
 fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameGeometry) -> u64 {
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     for number in [
@@ -288,7 +288,7 @@ fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
     ] {
         key = key.number(number);
     }
-    // Volumes of their own have directions of their own, to the last digit.
+    // Volumes in single images are grouped by their exact directions.
     if let Some(MosaicLayout { mosaic, .. }) = mosaic {
         key = key.number(mosaic.across.into()).number(mosaic.slices.into()).number(mosaic.backwards.into());
         let (orientation, spacing) =
@@ -299,7 +299,7 @@ fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
     key.finish()
 }
 
-/// Hash of how the pixels are to be read.
+/// Hash of the attributes by which pixels are read.
 fn format_of(header: &DicomHeader) -> u64 {
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
     let numbers = [header.bits_allocated, header.pixel_representation, header.samples.or(Some(1))];
@@ -307,7 +307,7 @@ fn format_of(header: &DicomHeader) -> u64 {
     numbers.into_iter().fold(key, |key, number| key.number(number.map_or(0, u64::from))).finish()
 }
 
-/// The numbers that tell the volumes of a series apart; NaN where one is not stated.
+/// The numbers that distinguish the volumes of a series; NaN where one is not stated.
 fn keys_of(series: &mut Series, header: &DicomHeader, frame: &FrameGeometry) -> [f32; Key::KEPT] {
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
@@ -336,7 +336,7 @@ fn keys_of(series: &mut Series, header: &DicomHeader, frame: &FrameGeometry) -> 
     keys
 }
 
-/// What the images of a volume have in common, from one of them.
+/// Attributes that the images of a volume share, from one of them.
 fn shared_of(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameGeometry) -> Shared {
     Shared {
         kind: kind_of(&frame.frame_type),

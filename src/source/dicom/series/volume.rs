@@ -31,16 +31,16 @@ const CT_BACKGROUND: f64 = -1000.0;
 /// increasing position, so the affine is right-handed. The step between slices is the mean step from
 /// the first to the last; with a tilted gantry it is not parallel to the normal.
 ///
-/// Samples are the stored values (masked to Bits Stored, sign-extended) with one rescale for all; if
-/// slices differ in rescale, they are physical values as `F32`. MONOCHROME1 numbers are kept. Pixels
-/// that equal the Pixel Padding Value (or lie in the padding range) become the stored value nearest to
-/// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier. So do
-/// floating-point pixels that equal theirs, which may be NaN.
+/// Samples are the stored values (masked to Bits Stored, sign-extended) with one rescale for all; if slices differ in
+/// rescale, they are physical values as `F32`. MONOCHROME1 numbers are kept. Pixels that equal the Pixel Padding Value
+/// (or lie in the padding range) become the stored value nearest to -1000 HU in CT and to 0 elsewhere, as far as Bits
+/// Stored reach: background, but no outlier. So do floating-point pixels that equal their padding value, which may be
+/// NaN.
 ///
 /// Slices that a segmentation leaves out are 0.
 ///
-/// Slices that are missing, and are to be filled, are made when they are read: linear between their two
-/// neighbours in what is delivered, integers rounded half away from zero.
+/// Missing slices that are to be filled are made when they are read: delivered samples are interpolated linearly
+/// between the two neighbours, integers rounded half away from zero.
 ///
 /// A Siemens mosaic is a volume by itself, its slices the tiles of its picture; they are read by position
 /// where the picture can be.
@@ -54,22 +54,22 @@ pub(crate) struct DicomVolume {
     layouts: Vec<PixelLayout>,
     paddings: Vec<Option<Padding>>,
     places: Vec<ImageSource>,
-    /// One for each slice; indices into `places`. Empty for a mosaic, see [`DicomVolume::layer`].
+    /// Layer of each slice; indices into `places`. Empty for a mosaic, see [`DicomVolume::layer`].
     layers: Vec<Layer>,
-    /// Is the last tile of a mosaic the first slice?
+    /// True if the last tile of a mosaic is the first slice.
     backwards: bool,
     /// True if values are delivered as physical `f32`s.
     physical: bool,
     /// True if slices differ in the type of their samples, so that the spool holds physical `f32`s, too.
     mixed: bool,
-    /// Slices that have to be decoded first.
+    /// Number of slices that must be decoded first.
     coded: u32,
     unroll_bytes: u64,
     spool: Option<Spool>,
     modality: String,
 }
 
-/// Where an image lies.
+/// Location of an image.
 #[derive(Clone, Copy, Debug)]
 struct ImageSource {
     /// Index in the volume's files.
@@ -82,7 +82,7 @@ struct ImageSource {
     padding: u32,
 }
 
-/// Images, the paddings that they refer to, and how many slices must be decoded first.
+/// Images, the paddings that they refer to, and the number of slices that must be decoded first.
 type PlacedImages = (Vec<ImageSource>, Vec<Option<Padding>>, u32);
 
 #[derive(Clone, Copy, Debug)]
@@ -94,8 +94,7 @@ enum At {
 }
 
 impl DicomVolume {
-    /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are those
-    /// of the whole series.
+    /// The volume of a stack of images of a group; `name` becomes the source's, `notes` are about the whole series.
     pub(crate) fn build(
         series: &Series,
         group: &Group,
@@ -146,7 +145,7 @@ impl DicomVolume {
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
         files.dedup();
-        // A volume is one mosaic, or none.
+        // A volume is a single mosaic, or has none.
         let tiles = if layout.across() > 1 { u32::try_from(layers.len()).unwrap_or(u32::MAX) } else { 1 };
         let (places, paddings, coded) = place_images(series, &slices, &files, tiles, background)?;
         let (columns, rows, size) = (layout.columns, layout.rows, layers.len());
@@ -228,7 +227,7 @@ impl DicomVolume {
         let padding = self.paddings.get(place.padding as usize).copied().flatten();
         let grows = self.physical && !(self.mixed && matches!(place.at, At::Spool(_)));
         let width = layout.scalar().bytes();
-        // Stored values wait in the tail of `out` when they have to grow to `f32`.
+        // Stored values that are widened to `f32` wait in the tail of `out`.
         let tail = if grows { out.len() - out.len() / 4 * width } else { 0 };
         let stored = out.get_mut(tail..).unwrap_or(&mut []);
         match place.at {
@@ -286,7 +285,7 @@ fn layout_of<'s>(series: &'s Series, slice: &Slice) -> Result<&'s PixelLayout, F
     series.layouts.get(slice.layout as usize).ok_or(unfit!("an image without layout or file"))
 }
 
-/// Where each image lies, the paddings that they refer to, and how many slices must be decoded first.
+/// Location of each image, the paddings that they refer to, and the number of slices that must be decoded first.
 ///
 /// `files` are sorted; a picture holds `tiles` slices; padding becomes `background`, a physical value.
 fn place_images(
@@ -360,7 +359,7 @@ struct ToSpool<'a> {
     paddings: &'a [Option<Padding>],
     /// The images of the file, in the order of their frames.
     wanted: Vec<ImageSource>,
-    /// Size of a slice, and how many lie in a row of a picture.
+    /// Size of a slice, and number of slices in a row of a picture.
     layout: PixelLayout,
     /// Slices in a picture.
     tiles: u32,
