@@ -24,10 +24,10 @@
 //!
 //! All that is in singles, by the tile's estimates of its rays. Let S be the slack of the beam, at least 2^-12: at a
 //! cell near the brick e is off by at most S, and so is each component of d. Then, with sizes of n that sum up to 127,
-//! the terms of e are off by 127 S, the term of d by 63.5 S, and half of s by 63.5 S; a line near the cell has |e| <= 1
-//! + S, so that sums are at most 256, and their eight roundings make 2^-13 < S at most. Together that is below 256 S.
-//! Comparisons leave a margin of [`SLACKS`] times S: twice as much. Results within the margin, and cells with corners,
-//! are uncertain and go on to integers.
+//! the terms of e are off by 127 S, the term of d by 63.5 S, and half of s by 63.5 S; a line near the cell has
+//! |e| <= 1 + S, so that sums are at most 256, and their eight roundings make 2^-13 < S at most. Together that is below
+//! 256 S. Comparisons leave a margin of [`SLACKS`] times S: twice as much. Results within the margin, and cells with
+//! corners, are uncertain and go on to integers.
 //!
 //! # Larger leaves
 //!

@@ -383,7 +383,7 @@ fn turned_place(
 ) -> Result<Affine, Fault> {
     let mut q = rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if !((length - 1.0).abs() <= 0.05) {
+    if length.is_nan() || (length - 1.0).abs() > 0.05 {
         return Err(bad!(
             "turns a part by a quaternion of length {length:.3}, which must be 1; repair the file"
         ));
