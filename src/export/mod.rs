@@ -14,6 +14,7 @@
 //! |---|---|
 //! | `apart` | triangles in memory, on a second thread |
 //! | `bits` | slices of bits |
+//! | `boundary` | whether triangles are closed |
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | position of a patch in its cube, and its normal |
@@ -28,6 +29,7 @@
 
 mod apart;
 mod bits;
+mod boundary;
 mod cases;
 mod decimate;
 mod dual;
@@ -61,6 +63,7 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
+use boundary::Bounded;
 use decimate::{Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
@@ -185,7 +188,7 @@ pub(crate) struct Exported {
     pub(crate) distance_mm: Option<f64>,
     /// Bound of that distance, in mm.
     pub(crate) within_mm: Option<f64>,
-    /// True where each edge has two triangles, corners at one place being one, where the surface was in memory.
+    /// True where each edge has as many triangles one way as the other, in each part; of triangles.
     pub(crate) is_closed: Option<bool>,
     /// Separate parts of the surface that were left out, where it was in memory.
     pub(crate) parts_gone: Option<u64>,
@@ -281,16 +284,14 @@ impl Exporter<'_> {
             if let Some(mask) = mask {
                 return self.mask(out, mask, bounds, fates, progress);
             }
-            let mut sink = sink(form, out, scratch, [normals, colors])?;
+            let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?);
             let made = if self.triangles.is_some() || self.error_mm.is_some() {
-                self.whole(bounds, sink.as_mut(), fates, progress)?
+                self.whole(bounds, &mut sink, fates, progress)?
             } else {
-                self.feed(bounds, sink.as_mut(), fates, progress)?
+                self.feed(bounds, &mut sink, fates, progress)?
             };
-            if made.is_some() {
-                sink.finish()?;
-            }
-            Ok(made)
+            let Some(made) = made else { return Ok(None) };
+            Ok(Some(Exported { is_closed: Some(sink.finish()?), ..made }))
         })
     }
 
@@ -322,7 +323,6 @@ impl Exporter<'_> {
             fine_triangles: made.triangles,
             distance_mm: measured,
             within_mm: bound,
-            is_closed: Some(whole.is_closed()),
             parts_gone: Some(apart.parts_gone),
             ..made
         }))

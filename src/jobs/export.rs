@@ -84,7 +84,7 @@ pub struct ExportReport {
     /// Bound of that distance: the error, or the known bound where it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
-    /// True where each edge has two triangles, corners at one place being one; for triangles that were made fewer.
+    /// For triangles, true where each edge has as many on one side as on the other, of labels in the surface of each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed: Option<bool>,
     /// Separate parts of the surface, the smallest ones, that were left out to reach a number of triangles.
@@ -471,14 +471,13 @@ impl ExportReport {
                 self.vertices
             ),
         };
-        let mut text =
-            format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
+        let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
+        let bytes = Bytes(self.bytes);
+        let mut text = format!("{}: {what}{closed}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
             let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));
-            let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
-            text +=
-                &format!("  of {fine} fine triangles{}{closed}\n", apart.or_else(within).unwrap_or_default());
+            text += &format!("  of {fine} fine triangles{}\n", apart.or_else(within).unwrap_or_default());
         }
         if let Some(apart) = self.apart_voxels {
             text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));

@@ -41,7 +41,9 @@ impl Case {
 
     fn export(&self, name: &str) -> ExportReport {
         let request = Self::request(name, None);
-        export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap()
+        let report = export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap();
+        assert_eq!(report.closed, request.form.has_triangles().then_some(true));
+        report
     }
 
     fn request(name: &str, error: Option<Tolerance>) -> ExportRequest {

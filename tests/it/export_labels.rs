@@ -269,6 +269,7 @@ fn exported(model: &Path, name: &str, smooth: Option<f64>) -> (PathBuf, ExportRe
         smooth,
     };
     let report = export(model, &path, request, &Silent).unwrap();
+    assert_eq!(report.closed, request.form.has_triangles().then_some(true));
     (path, report)
 }
 
@@ -509,6 +510,7 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     oct(&["export", &part, "--each", &at("each")]).refused(2, &["keeps only what can be seen"]);
     assert!(!folder.path().join("each").exists() && !folder.path().join("m.stl").exists());
     let run = oct(&["export", &m, "--each", &at("each"), "--as", "obj"]);
-    assert!(run.code == 0 && run.stdout.contains("5 labels, "), "{}{}", run.stdout, run.stderr);
+    let told = ["5 labels, ", " corners, closed, "].iter().all(|part| run.stdout.contains(part));
+    assert!(run.code == 0 && told, "{}{}", run.stdout, run.stderr);
     assert_eq!(fs::read_dir(folder.path().join("each")).unwrap().count(), 5);
 }

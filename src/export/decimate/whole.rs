@@ -163,16 +163,6 @@ impl<'a> Whole<'a> {
         Ok(apart)
     }
 
-    /// True if each edge has two triangles. Once the surface is reduced, no corners are at one place.
-    pub(in crate::export) fn is_closed(&self) -> bool {
-        let edge = |a: u32, b: u32| u64::from(a) << 32 | u64::from(b);
-        let all = |[a, b, c]: &[u32; 3]| [edge(*a, *b), edge(*b, *c), edge(*c, *a)];
-        let mut edges: Vec<u64> = self.faces.iter().flat_map(all).collect();
-        edges.par_sort_unstable();
-        edges.windows(2).all(|pair| pair[0] != pair[1])
-            && edges.iter().all(|edge| edges.binary_search(&edge.rotate_left(32)).is_ok())
-    }
-
     /// Hands on corners and triangles; their numbers.
     pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<(u64, u64)> {
         for vertex in &self.vertices {
@@ -611,7 +601,7 @@ mod tests {
             let apart = whole.reduce().unwrap();
             assert_eq!((apart.is_bound, apart.parts_gone), (most < usize::MAX, 0));
             assert!(apart.distance_mm <= 0.3, "{}", apart.distance_mm);
-            assert!(whole.is_closed() && is_closed(&whole.faces));
+            assert!(is_closed(&whole.faces));
             whole.faces.len()
         });
         assert!(counts.iter().all(|count| *count < fine.faces.len()), "{counts:?}");

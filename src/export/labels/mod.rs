@@ -18,6 +18,7 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
+use super::boundary::Bounded;
 use super::mask::{Mask, MaskForm};
 use super::tint::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
@@ -169,25 +170,24 @@ impl LabelMesh {
     ) -> Result<Exported, ExportStop> {
         let heads = self.heads(which.clone())?;
         let waiting = || scratch::unnamed(scratch);
-        let mut sink: Box<dyn Output> = match form {
+        let sink: Box<dyn Output> = match form {
             ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), self.normals, true)?.with_labels()),
             ExportForm::Obj => Box::new(Obj::new(out, self.normals)?),
             ExportForm::Glb => Box::new(GlbParts::new(out, &heads, self.normals)?),
             ExportForm::ThreeMf => Box::new(ThreeMf::new(out, &heads, waiting()?)?),
             _ => Box::new(Stl::new(out)?),
         };
-        let lights = Lights::new();
+        let (mut sink, lights) = (Bounded::new(sink), Lights::new());
         let mut exported = Exported::default();
         for (part, head) in which.zip(&heads) {
             sink.part(head)?;
             let light = lights.of(head.color);
             self.parts.each_vertex(part, |[at, normal]| sink.vertex(&Vertex { at, normal, light }))?;
-            self.triangles(part, head.first, sink.as_mut(), form == ExportForm::Stl)?;
+            self.triangles(part, head.first, &mut sink, form == ExportForm::Stl)?;
             exported.vertices += head.vertices;
             exported.triangles += head.triangles;
         }
-        sink.finish()?;
-        Ok(exported)
+        Ok(Exported { is_closed: Some(sink.finish()?), ..exported })
     }
 
     /// Heads of consecutive parts of a file.

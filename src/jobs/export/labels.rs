@@ -79,6 +79,7 @@ pub fn export_each(
         made.vertices += of_part.vertices;
         made.triangles += of_part.triangles;
         made.unknown = of_part.unknown;
+        made.is_closed = Some(made.is_closed != Some(false) && of_part.is_closed == Some(true));
         outputs.push(path);
     }
     let surfaces = surfaces(&mesh, &outputs);
