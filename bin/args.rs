@@ -183,6 +183,8 @@ pub(crate) struct ExportArgs {
     /// thin, they follow the faces of voxels [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth)]
     pub(crate) smooth: Option<f64>,
+    #[command(flatten)]
+    pub(crate) labels: picture::LabelArgs,
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]
     pub(crate) skin: bool,

@@ -42,6 +42,7 @@ use infobyte::jobs::scene::is_scene;
 use infobyte::jobs::thickness::ThicknessOutputs;
 use infobyte::jobs::view::ViewRequest;
 use infobyte::jobs::{self, info, pack, picture, verify};
+use infobyte::scene::LabelRule;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
 use infobyte::text::{self, data, plain, shown};
 use infobyte::volume::Placement;
@@ -410,7 +411,8 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     if !args.force && !suffix.is_empty() && suffix != form.suffix() {
         return Err(Refusal::OtherForm { path: named.clone(), form }.into());
     }
-    let request = export_request(args, form)?;
+    let rules = args.labels.rules(&[]);
+    let request = export_request(args, form, &rules)?;
     if form == ExportForm::Linked {
         // The page fetches the model by its name.
         refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
@@ -430,7 +432,8 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
 /// Writes a file for each label.
 fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let folder = args.each.clone().unwrap_or_default();
-    let request = export_request(args, args.form.unwrap_or(ExportForm::Stl))?;
+    let rules = args.labels.rules(&[]);
+    let request = export_request(args, args.form.unwrap_or(ExportForm::Stl), &rules)?;
     if !request.form.has_triangles() {
         return Err(Refusal::NotOf { flag: "--each", of: TRIANGLES }.into());
     }
@@ -449,7 +452,11 @@ fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
 /// Forms that have surfaces.
 const TRIANGLES: &str = "triangles (stl, ply, obj, glb, 3mf)";
 
-fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportRequest, Refusal> {
+fn export_request<'a>(
+    args: &args::ExportArgs,
+    form: ExportForm,
+    labels: &'a [LabelRule],
+) -> Result<ExportRequest<'a>, Refusal> {
     if args.skin && !form.is_mask() {
         return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" });
     }
@@ -467,6 +474,7 @@ fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportReq
         error: args.error,
         triangles: args.triangles,
         smooth: args.smooth,
+        labels,
     })
 }
 

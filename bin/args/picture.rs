@@ -93,12 +93,8 @@ pub(crate) struct RenderArgs {
     /// Lowest and highest value of the colours, such as -0.2..0.2, or 0.2 for that; a diverging map is symmetric around 0
     #[arg(long, value_name = "LO..HI", allow_hyphen_values = true, value_parser = parse::tolerance)]
     pub(crate) range: Option<[f64; 2]>,
-    /// Show only these labels, by number, range or name, such as 5,7..20,liver; the others are invisible
-    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
-    pub(crate) only: Option<parse::Picks>,
-    /// Do not show these labels
-    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
-    pub(crate) hide: Option<parse::Picks>,
+    #[command(flatten)]
+    pub(crate) labels: LabelArgs,
     /// Fraction of light that labels block, 0 to 1, such as skin=0.2 or all=0.3; repeatable, the last one wins
     #[arg(long, value_name = "LABELS=PART", value_parser = parse::opacity)]
     pub(crate) opacity: Vec<parse::Picks>,
@@ -188,6 +184,29 @@ pub(crate) struct ThumbnailArgs {
     pub(crate) json: bool,
 }
 
+/// Which labels of a model are meant.
+#[derive(Debug, Args)]
+pub(crate) struct LabelArgs {
+    /// Only these labels, by number, range or name, such as 5,7..20,liver; the others are left out
+    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
+    only: Option<parse::Picks>,
+    /// Leave out these labels
+    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
+    hide: Option<parse::Picks>,
+}
+
+impl LabelArgs {
+    /// How much of the light labels stop, 0 if they are left out; later rules count before earlier ones.
+    pub(crate) fn rules(&self, opacity: &[parse::Picks]) -> Vec<LabelRule> {
+        let none = |rule: &LabelRule| LabelRule { opacity: 0.0, ..rule.clone() };
+        let all = LabelRule { labels: LabelPick::All, opacity: 0.0 };
+        let only = self.only.iter().flat_map(|only| std::iter::once(all.clone()).chain(only.0.clone()));
+        let opacity = opacity.iter().flat_map(|picks| picks.0.clone());
+        let hidden = self.hide.iter().flat_map(|picks| &picks.0).map(none);
+        only.chain(opacity).chain(hidden).collect()
+    }
+}
+
 impl RenderArgs {
     /// Where the camera stands, if that is said.
     fn point(&self) -> Option<ViewPoint> {
@@ -259,25 +278,12 @@ impl RenderArgs {
             background: self.background.map(|color| color.0),
             clip_mm: self.clip.map(|bounds| bounds.0),
             section: self.section,
-            labels: self.label_rules(),
+            labels: self.labels.rules(&self.opacity),
             annotate: self.annotate,
             threads: self.threads.count(),
             memory_bytes: self.memory,
             ..usual
         }
-    }
-
-    /// Which labels are seen, later rules before earlier ones.
-    fn label_rules(&self) -> Vec<LabelRule> {
-        let none = LabelRule { labels: LabelPick::All, opacity: 0.0 };
-        let only = self.only.iter().flat_map(|only| std::iter::once(none.clone()).chain(only.0.clone()));
-        let opacity = self.opacity.iter().flat_map(|picks| picks.0.clone());
-        let hidden = self
-            .hide
-            .iter()
-            .flat_map(|picks| &picks.0)
-            .map(|rule| LabelRule { opacity: 0.0, ..rule.clone() });
-        only.chain(opacity).chain(hidden).collect()
     }
 
     /// How many pictures.

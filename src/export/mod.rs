@@ -285,7 +285,7 @@ impl Exporter<'_> {
                 return self.mask(out, mask, bounds, fates, progress);
             }
             let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?);
-            let made = if self.triangles.is_some() || self.error_mm.is_some() {
+            let made = if self.is_fewer() {
                 self.whole(bounds, &mut sink, fates, progress)?
             } else {
                 self.feed(bounds, &mut sink, fates, progress)?
@@ -303,29 +303,29 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        let voxel_mm = self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
-        let mut whole = Whole::new(goal, voxel_mm, progress);
+        let mut whole = self.fewer(progress);
         let fed = self.feed(bounds, &mut whole, fates, progress);
         // Slabs report a stop to the mesher as an error of output.
         progress.check()?;
         let Some(made) = fed? else { return Ok(None) };
-        let apart = whole.reduce()?;
-        let (vertices, triangles) = whole.hand_on(sink)?;
-        let (measured, bound) = if apart.is_bound {
-            (None, Some(apart.distance_mm))
-        } else {
-            (Some(apart.distance_mm), self.error_mm)
-        };
-        Ok(Some(Exported {
-            vertices,
-            triangles,
-            fine_triangles: made.triangles,
-            distance_mm: measured,
-            within_mm: bound,
-            parts_gone: Some(apart.parts_gone),
-            ..made
-        }))
+        let made = whole.reduce(made)?;
+        whole.hand_on(sink)?;
+        Ok(Some(made))
+    }
+
+    fn is_fewer(&self) -> bool {
+        self.triangles.is_some() || self.error_mm.is_some()
+    }
+
+    /// What makes triangles fewer.
+    fn fewer<'p>(&self, progress: &'p dyn Progress) -> Whole<'p> {
+        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
+        Whole::new(goal, self.voxel_mm(), progress)
+    }
+
+    /// The finest spacing.
+    fn voxel_mm(&self) -> f64 {
+        self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// Sends all triangles to a sink.
@@ -346,7 +346,12 @@ impl Exporter<'_> {
     /// All triangles, in memory.
     pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<Mesh, ExportStop> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
-        self.knowing_inside(bounds, progress, &mut |fates| self.kept(bounds, fates, progress))
+        let mut mesh =
+            self.knowing_inside(bounds, progress, &mut |fates| self.kept(bounds, fates, progress))?;
+        if let Some(most) = self.triangles {
+            mesh.reduced(most, self.voxel_mm(), progress)?;
+        }
+        Ok(mesh)
     }
 
     fn kept(

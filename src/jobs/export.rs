@@ -26,14 +26,15 @@ use crate::load::{Model, ModelView, verify};
 use crate::page::{self, Shown, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
-use crate::text::names::{EACH, ERROR, LABELS, OUTPUT, SMOOTH, VIEW};
+use crate::scene::LabelRule;
+use crate::text::names::{EACH, ERROR, FORM, LABELS, OUTPUT, SMOOTH, VIEW};
 use crate::text::{Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
 
 /// Kind of file, and its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExportRequest {
+pub struct ExportRequest<'a> {
     /// Kind of file.
     pub form: ExportForm,
     /// True to set only the skin in a mask, not the voxels that it encloses.
@@ -47,12 +48,14 @@ pub struct ExportRequest {
     /// Limit in voxels along each axis to which walls of labels are smoothed away from the voxels' sides, 0 to
     /// [`MAX_SMOOTH`], the default. At 0 they are the voxels' sides, and volumes are exact.
     pub smooth: Option<f64>,
+    /// Labels that are left out: those that stop no light by these rules. The surfaces of others are as without rules.
+    pub labels: &'a [LabelRule],
 }
 
-impl ExportRequest {
-    /// A request for everything in this form.
-    pub(super) fn of(form: ExportForm) -> Self {
-        Self { form, skin_only: false, error: None, triangles: None, smooth: None }
+impl ExportRequest<'_> {
+    /// All of a form.
+    pub fn of(form: ExportForm) -> Self {
+        Self { form, skin_only: false, error: None, triangles: None, smooth: None, labels: &[] }
     }
 
     /// True if the result depends on the inside, not on the skin alone.
@@ -142,13 +145,20 @@ pub struct ExportReport {
 pub fn export(
     input: &Path,
     output: &Path,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     refuse_input(input, output)?;
-    // A flipped bit could make a closed surface of another solid; the whole file is read anyway, so it is checked.
+    if !request.labels.is_empty() && !(request.form.has_triangles() || request.form.is_mask()) {
+        let fault = usage!(
+            "is of the form {}, which holds all labels; some alone are written as triangles or as a mask ({FORM})",
+            request.form.name()
+        );
+        return Err(fault.at(output).into());
+    }
+    // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
     if request.form.is_page() {
         return export_page(input, output, request.form, progress);
@@ -171,13 +181,11 @@ pub fn export(
         .map_err(|stop| failed(stop, &model, input, output))?;
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
-    let mut report = report([input, output], request.form, &model, (made, bytes, Vec::new()), start);
-    report.warnings.extend(shortfalls(request, &made));
-    Ok(report)
+    Ok(report([input, output], request, &model, (made, bytes, Vec::new()), start))
 }
 
-/// Notes on more or fewer triangles than asked for, and on parts that were left out.
-fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
+/// Notes on triangles that are fewer than were asked for, or more, and on parts that were left out.
+fn shortfalls(request: ExportRequest<'_>, made: &Exported) -> Vec<String> {
     let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
     let mut notes = Vec::new();
     match request.triangles {
@@ -216,11 +224,12 @@ type Written = (Exported, u64, Vec<LabelSurface>);
 
 fn report(
     [input, output]: [&Path; 2],
-    form: ExportForm,
+    request: ExportRequest<'_>,
     model: &Model,
     (made, bytes, surfaces): Written,
     start: Instant,
 ) -> ExportReport {
+    let form = request.form;
     let is_far = form.has_coordinates() && is_far(&model.affine(), model.dims());
     ExportReport {
         input: data(input),
@@ -237,7 +246,7 @@ fn report(
         unknown_voxels: made.unknown,
         surfaces,
         is_far,
-        warnings: warnings(made.unknown, is_far),
+        warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made)).collect(),
         apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| !form.is_page()),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
@@ -245,8 +254,13 @@ fn report(
     }
 }
 
-/// Refuses the inside of a model that keeps only what can be seen.
-fn refuse_part(model: &Model, input: &Path, request: ExportRequest) -> Result<(), Error> {
+/// Refuses the inside of a model that keeps only what can be seen, and rules that leave no label.
+fn refuse_part<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    input: &Path,
+    request: ExportRequest<'_>,
+) -> Result<(), Error> {
+    labels::wanted(model, input, request)?;
     match (request.needs_inside(), model.metadata().seen_from()) {
         (true, Some(seen_from)) => Err(keeps_part(seen_from, input).into()),
         _ => Ok(()),
@@ -269,11 +283,11 @@ pub(super) fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     }
 }
 
-pub(super) fn exporter_of<'a>(
-    model: &'a Model,
+pub(super) fn exporter_of<'a, D: AsRef<[u8]>>(
+    model: &'a Model<D>,
     view: &'a ModelView<'a>,
     space: &'a GridSpace,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     give_back: &'a dyn Fn(),
 ) -> Exporter<'a> {
     Exporter {
@@ -371,7 +385,7 @@ fn export_page(
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
     let written = (Exported::default(), bytes, Vec::new());
-    Ok(report([input, output], form, &model, written, start))
+    Ok(report([input, output], ExportRequest::of(form), &model, written, start))
 }
 
 /// The triangles of a model in memory: the same as [`export`] writes to a PLY file, in the same order.
@@ -394,31 +408,41 @@ fn export_page(
 /// The model is damaged, its file is changed meanwhile, or it keeps only what can be seen; it has more than 2^32 corners;
 /// [`Error::Stopped`].
 pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progress) -> Result<Mesh, Error> {
-    let name = || PathBuf::from(&model.metadata().source.kind);
-    if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(keeps_part(seen_from, &name()).into());
-    }
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let exporter = Exporter {
-        view: &model.view(),
-        dims: model.dims(),
-        affine: model.affine(),
-        space: &space,
-        skin_only: false,
-        error_mm: None,
-        triangles: None,
-        give_back: &|| {},
-    };
+    let path = PathBuf::from(&model.metadata().source.kind);
+    triangles_of(model, &path, ExportRequest::of(ExportForm::Ply), progress)
+}
+
+/// [`triangles`] of the model at a path: fewer, or with rules the surfaces of labels, one after the other, which wait in a
+/// temporary file before.
+pub(crate) fn triangles_of<D: AsRef<[u8]> + Sync>(
+    model: &Model<D>,
+    path: &Path,
+    request: ExportRequest<'_>,
+    progress: &dyn Progress,
+) -> Result<Mesh, Error> {
+    // All labels together have one surface, which can have fewer triangles.
+    let asked = if request.labels.is_empty() { ExportRequest::of(request.form) } else { request };
+    refuse_part(model, path, asked)?;
+    let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine())?);
+    let exporter = exporter_of(model, &view, &space, request, &|| {});
     let fault = |stop| match stop {
-        // A full check names the fault.
-        ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(&name()).into()),
+        // Checking all of it says what is wrong.
+        ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(path).into()),
         ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => usage!("{fault}").at(name()).into(),
-            None => Error::Internal,
+            Some(fault) => usage!("{fault}").at(path).into(),
+            None => Error::Output { path: std::env::temp_dir(), cause },
         },
         ExportStop::Stopped => Error::Stopped,
     };
-    model.unchanged_during(|| exporter.triangles(progress).map_err(fault))
+    let wanted = labels::wanted(model, path, asked)?;
+    let mesh = || {
+        if request.labels.is_empty() {
+            return exporter.triangles(progress);
+        }
+        let all = &model.frame().labels;
+        exporter.label_mesh(all, &wanted, MAX_SMOOTH, &std::env::temp_dir(), progress)?.in_memory()
+    };
+    model.unchanged_during(|| mesh().map_err(fault))
 }
 
 /// True if a step of 32-bit numbers, at the corner farthest from the origin, is more than 1/128 of a voxel.
@@ -436,11 +460,11 @@ fn fault_of(cause: &io::Error) -> Option<ExportFault> {
     cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
 }
 
-/// Warnings of an export.
-fn warnings(unknown_voxels: u64, is_far: bool) -> Vec<String> {
+/// Oddities in sentences.
+fn warnings(unknown_voxels: u64, is_far: bool) -> impl Iterator<Item = String> {
     let far =
         "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
-    unknown_inside(unknown_voxels).into_iter().chain(is_far.then(|| far.to_owned())).collect()
+    unknown_inside(unknown_voxels).into_iter().chain(is_far.then(|| far.to_owned()))
 }
 
 /// The warning of enclosed boxes that may be inside or outside.

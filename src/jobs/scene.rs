@@ -403,11 +403,11 @@ impl OpenScene {
     }
 }
 
-fn unlabelled(path: &Path) -> Fault {
-    usage!("has no labels that could be hidden; build a map of labels with {LABELS}").at(path)
+pub(super) fn unlabelled(path: &Path) -> Fault {
+    usage!("has no labels to choose from; build a map of labels with {LABELS}").at(path)
 }
 
-fn no_label(label: &dyn Display, path: &Path) -> Fault {
+pub(super) fn no_label(label: &dyn Display, path: &Path) -> Fault {
     usage!("has no label {label}; {INFO} lists those of a model").at(path)
 }
 

@@ -11,13 +11,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use super::failure::{raised, usage};
-use super::options::{PictureAsked, read};
+use super::options::{PictureAsked, only_labels, read};
 use super::rays::{self, Found, Given, Rays, Room};
 use super::watch::watched;
 use crate::error::Error;
+use crate::export::ExportForm;
 use crate::format::{Encoding, SurfaceKind};
 use crate::geom::Affine;
-use crate::jobs::export::triangles;
+use crate::jobs::export::{ExportRequest, triangles_of};
 use crate::jobs::info::{Info, Measured};
 use crate::jobs::nearest::nearest_points;
 use crate::jobs::opened::unpacked;
@@ -337,18 +338,17 @@ impl Handle {
         &self,
         py: Python<'py>,
         most: Option<u64>,
+        only: Option<Vec<String>>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
+        let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];
+        let request = ExportRequest { triangles: most, labels, ..ExportRequest::of(ExportForm::Ply) };
         let mesh = watched(py, progress, |progress| {
             check(&self.bytes.0, &self.path)?;
-            let mesh = triangles(&self.model, progress);
+            let mesh = triangles_of(&self.model, &self.path, request, progress);
             check(&self.bytes.0, &self.path)?;
-            let mut mesh = mesh?;
-            if let Some(most) = most {
-                let voxel_mm = self.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-                mesh.reduced(most, voxel_mm, progress).map_err(|_| Error::Stopped)?;
-            }
-            Ok(mesh)
+            mesh
         })?;
         let arrays = PyDict::new(py);
         arrays.set_item("vertices", PyArray1::from_vec(py, mesh.vertices.into_flattened()))?;

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::failure::{raised, usage};
-use super::options::{BuildAsked, read};
+use super::options::{BuildAsked, only_labels, read};
 use super::samples::StoredSamples;
 use super::watch::watched;
 use crate::budget::MemoryCap;
@@ -298,10 +298,10 @@ pub(super) fn export(
     files: (PathBuf, PathBuf),
     form: Option<&str>,
     fewer: (Option<&str>, Option<u64>),
-    smooth: Option<f64>,
+    labels: (Option<Vec<String>>, Option<f64>),
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let ((input, output), (error, most)) = (files, fewer);
+    let ((input, output), (error, most), (only, smooth)) = (files, fewer, labels);
     let form = match form {
         Some(name) => ExportForm::ALL.into_iter().find(|form| form.name() == name),
         None => ExportForm::of(&output),
@@ -311,7 +311,9 @@ pub(super) fn export(
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
-    let request = ExportRequest { form, skin_only: false, error, triangles: most, smooth };
+    let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
+    let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];
+    let request = ExportRequest { error, triangles: most, smooth, labels, ..ExportRequest::of(form) };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

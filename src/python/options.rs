@@ -274,13 +274,21 @@ impl PictureAsked {
 
     /// Visibility of labels; later rules override earlier ones.
     fn labels(&self) -> Result<Vec<LabelRule>, String> {
-        let rule = |text: &String, opacity| Ok(LabelRule { labels: text.parse()?, opacity });
-        let none = self.only.iter().map(|_| Ok(LabelRule { labels: LabelPick::All, opacity: 0.0 }));
-        let only = none.chain(self.only.iter().flatten().map(|text| rule(text, 1.0)));
+        let only = only_labels(self.only.as_deref()).into_iter();
         if let Some((label, part)) = self.opacity.iter().find(|(_, part)| !(0.0..=1.0).contains(part)) {
             return Err(format!("opacity of {label} is {part}; choose 0 to 1"));
         }
         let opacity = self.opacity.iter().map(|(text, part)| rule(text, *part));
         only.chain(opacity).chain(self.hide.iter().map(|text| rule(text, 0.0))).collect()
     }
+}
+
+fn rule(label: &str, opacity: f64) -> Result<LabelRule, String> {
+    Ok(LabelRule { labels: label.parse()?, opacity })
+}
+
+/// Rules that leave out all labels but some, if these are given.
+pub(super) fn only_labels(labels: Option<&[String]>) -> Vec<Result<LabelRule, String>> {
+    let none = labels.map(|_| Ok(LabelRule { labels: LabelPick::All, opacity: 0.0 }));
+    none.into_iter().chain(labels.into_iter().flatten().map(|label| rule(label, 1.0))).collect()
 }

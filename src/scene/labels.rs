@@ -67,7 +67,19 @@ pub struct LabelRule {
     pub opacity: f64,
 }
 
-/// Opacity of each label of a model.
+/// The part of the light that each label of a table stops by these rules, of which later ones count before earlier ones.
+///
+/// # Errors
+/// The rule that applies to none of the labels.
+pub(crate) fn parts<'r>(rules: &'r [LabelRule], table: &[Label]) -> Result<Vec<f64>, &'r LabelPick> {
+    if let Some(idle) = rules.iter().find(|rule| !table.iter().any(|label| rule.labels.contains(label))) {
+        return Err(&idle.labels);
+    }
+    let last = |label| rules.iter().rev().find(|rule| rule.labels.contains(label));
+    Ok(table.iter().map(|label| last(label).map_or(1.0, |rule| rule.opacity)).collect())
+}
+
+/// How much of the light each label of a model stops.
 #[derive(Clone, Debug)]
 pub struct Opacity<'a> {
     labels: LabelItems<'a>,
@@ -79,23 +91,17 @@ pub struct Opacity<'a> {
 }
 
 impl<'a> Opacity<'a> {
-    /// Opacities by these rules; later ones override earlier ones.
+    /// As [`parts`].
     ///
     /// # Errors
-    /// The rule that applies to none of the labels in `table`.
+    /// As [`parts`].
     pub fn of<'r>(
         rules: &'r [LabelRule],
         labels: LabelItems<'a>,
         table: &[Label],
     ) -> Result<Self, &'r LabelPick> {
-        if let Some(idle) = rules.iter().find(|rule| !table.iter().any(|label| rule.labels.contains(label))) {
-            return Err(&idle.labels);
-        }
-        let of = |label: &Label| {
-            let rule = rules.iter().rev().find(|rule| rule.labels.contains(label))?;
-            (rule.opacity < 1.0).then_some((label.number, rule.opacity))
-        };
-        let mut parts: Vec<_> = table.iter().filter_map(of).collect();
+        let numbers = table.iter().map(|label| label.number);
+        let mut parts: Vec<_> = numbers.zip(parts(rules, table)?).filter(|(_, part)| *part < 1.0).collect();
         parts.sort_by_key(|part| part.0);
         let up_to = |most: f64| Hidden::of(parts.iter().filter(|part| part.1 <= most).map(|part| part.0));
         let (unseen, clear) = (up_to(0.0), up_to(1.0));

@@ -49,6 +49,7 @@ pub use body::Part;
 pub use clip::{Clip, CutPlane};
 pub use fault::SceneError;
 pub(crate) use fault::{Key, Table};
+pub(crate) use labels::parts as label_parts;
 pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};

@@ -471,7 +471,7 @@ fn model(bytes: &[u8]) -> bool {
             // Walls of labels alone are moved.
             let has_labels = view.labels().is_some();
             let smooth = has_labels.then(|| f64::from(bytes.last().copied().unwrap_or(0)) / 510.0);
-            let request = ExportRequest { form, skin_only: false, error: None, triangles: None, smooth };
+            let request = ExportRequest { smooth, ..ExportRequest::of(form) };
             if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
                 told(&refused.to_string());
             }

@@ -46,9 +46,9 @@ impl Case {
         report
     }
 
-    fn request(name: &str, error: Option<Tolerance>) -> ExportRequest {
+    fn request(name: &str, error: Option<Tolerance>) -> ExportRequest<'static> {
         let form = ExportForm::of(Path::new(name)).unwrap();
-        ExportRequest { form, skin_only: false, error, triangles: None, smooth: None }
+        ExportRequest { error, ..ExportRequest::of(form) }
     }
 
     fn within(&self, name: &str, error: Tolerance) -> (ExportReport, Mesh) {
@@ -478,13 +478,7 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest {
-            form: ExportForm::Points,
-            skin_only: false,
-            error: None,
-            triangles: None,
-            smooth: None,
-        };
+        let request = ExportRequest::of(ExportForm::Points);
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();

@@ -6,6 +6,7 @@
 use crate::prelude::*;
 use infobyte::builder::LabelChoice;
 use infobyte::jobs::export::{ExportReport, export_each};
+use infobyte::scene::LabelRule;
 
 /// Labels of all samples, x fastest.
 struct Map {
@@ -261,13 +262,7 @@ impl Surfaces {
 
 fn exported(model: &Path, name: &str, smooth: Option<f64>) -> (PathBuf, ExportReport) {
     let path = model.with_file_name(name);
-    let request = ExportRequest {
-        form: ExportForm::of(&path).unwrap(),
-        skin_only: false,
-        error: None,
-        triangles: None,
-        smooth,
-    };
+    let request = ExportRequest { smooth, ..ExportRequest::of(ExportForm::of(&path).unwrap()) };
     let report = export(model, &path, request, &Silent).unwrap();
     assert_eq!(report.closed, request.form.has_triangles().then_some(true));
     (path, report)
@@ -412,8 +407,7 @@ fn every_format_has_a_part_a_label_with_its_name_and_colour() {
     let of = |range: &str| nodes(&text(&input), &["--range", range]);
     exported(&model, "m.3mf", None);
     assert!(nodes(&at("m.3mf"), &grid) == of("1..300"));
-    let request =
-        ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, triangles: None, smooth: None };
+    let request = ExportRequest::of(ExportForm::Stl);
     let report = export_each(&model, &folder.path().join("each"), request, &Silent).unwrap();
     let files: Vec<_> = report.surfaces.iter().map(|part| part.output.clone().unwrap()).collect();
     let expected = ["liver", "left__rib____more", "Liver_7", "label_9", "label_300"];
@@ -442,13 +436,7 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
     for map in &maps {
         map.build(&model);
         let path = folder.path().join("m.nii");
-        let request = ExportRequest {
-            form: ExportForm::Nifti,
-            skin_only: false,
-            error: None,
-            triangles: None,
-            smooth: None,
-        };
+        let request = ExportRequest::of(ExportForm::Nifti);
         let report = export(&model, &path, request, &Silent).unwrap();
         let bytes = fs::read(path).unwrap();
         assert_eq!((bytes[70], bytes[71], bytes[72]), (0, 2, 16));
@@ -474,6 +462,74 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
     assert!(sections(&model) == sections(&again));
 }
 
+/// Labels that are chosen have the triangles that they have among all, whatever their neighbours; a single one has fewer of
+/// them where that is asked for.
+#[test]
+fn chosen_labels_are_as_among_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.oct");
+    let map = bodies();
+    map.build(&model);
+    let rules = |texts: &[&str]| -> Vec<LabelRule> {
+        let rule = |(at, text): (usize, &&str)| LabelRule {
+            labels: text.parse().unwrap(),
+            opacity: if at == 0 { 0.0 } else { 1.0 },
+        };
+        texts.iter().enumerate().map(rule).collect()
+    };
+    let written = |name: &str, labels: &[LabelRule], triangles: Option<u64>| {
+        let path = folder.path().join(name);
+        let request =
+            ExportRequest { labels, triangles, ..ExportRequest::of(ExportForm::of(&path).unwrap()) };
+        (export(&model, &path, request, &Silent).unwrap(), path)
+    };
+    let some = rules(&["all", "2", "7"]);
+    let all = Surfaces::read(&exported(&model, "m.ply", None).0);
+    let found = Surfaces::read(&written("some.ply", &some, None).1);
+    let triangles = |of: &Surfaces| -> Vec<_> {
+        let chosen = of.triangles.iter().filter(|(_, label)| [2, 7].contains(label));
+        chosen.map(|(corners, label)| (of.places(*corners), *label)).collect()
+    };
+    assert!(triangles(&found) == triangles(&all) && found.triangles.len() < all.triangles.len());
+    let one = rules(&["all", "300"]);
+    let fine = written("one.ply", &one, None).0;
+    for form in ["ply", "stl", "obj", "glb", "3mf"] {
+        let (report, _) = written(&format!("some.{form}"), &some, None);
+        let numbers: Vec<u16> = report.surfaces.iter().map(|part| part.number).collect();
+        assert_eq!((numbers, report.closed), (vec![2, 7], Some(true)), "{form}");
+        let (few, path) = written(&format!("one.{form}"), &one, Some(200));
+        assert_eq!((few.closed, few.fine_triangles), (Some(true), Some(fine.triangles)), "{form}");
+        assert!((150..=200).contains(&few.triangles) && few.distance_mm.unwrap() < 1.0, "{form}: {few:?}");
+        assert_eq!((few.surfaces[0].number, few.surfaces[0].triangles), (300, few.triangles), "{form}");
+        if form == "ply" {
+            let found = Surfaces::read(&path);
+            found.assert_closed("few");
+            let volume = found.volumes()[&300] / map.voxels()[&300] as f64;
+            assert!((volume - 1.0).abs() < 0.05, "{volume}");
+        }
+    }
+    let labels = fs::read(written("some.nii", &some, None).1).unwrap();
+    for (stored, label) in labels[352..].chunks_exact(2).zip(&map.labels) {
+        let due = if [2, 7].contains(label) { *label } else { 0 };
+        assert_eq!(u16::from_le_bytes([stored[0], stored[1]]), due);
+    }
+    let m = text(&model);
+    for (flags, told) in [
+        (&["-o", "x.stl", "--only", "5"][..], "has no label 5"),
+        (&["-o", "x.stl", "--only", "2", "--hide", "1..9"], "no label is left"),
+        (&["-o", "x.stl", "--only", "2,7", "--triangles", "9"], "one at a time"),
+        (&["-o", "x.html", "--only", "2"], "holds all labels"),
+        (&["--each", "x", "--only", "5"], "has no label 5"),
+    ] {
+        oct(&[&["export", &m][..], flags].concat()).refused(2, &[told]);
+    }
+    assert!(!Path::new("x.stl").exists() && !Path::new("x").exists());
+    let each = text(&folder.path().join("each"));
+    let run = oct(&["export", &m, "--each", &each, "--hide", "2", "--only", "2,9", "--triangles", "40"]);
+    assert!(run.stdout.contains("1 labels, ") && run.stdout.contains("fine triangles"), "{}", run.stderr);
+    assert_eq!(fs::read_dir(&each).unwrap().count(), 1);
+}
+
 #[test]
 fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     let folder = tempfile::tempdir().unwrap();
@@ -485,18 +541,13 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     infobyte::build(&plain, &options, folder.path().join("p.oct")).unwrap();
     let (m, p) = (at("m.oct"), at("p.oct"));
     oct(&["export", &p, "--each", &at("each")]).refused(2, &["no labels"]);
+    oct(&["export", &p, "-o", &at("p.stl"), "--only", "1"]).refused(2, &["no labels to choose from"]);
     oct(&["export", &p, "-o", &at("p.stl"), "--smooth", "0"]).refused(2, &["no labels"]);
     oct(&["export", &m, "-o", &at("m.stl"), "--smooth", "0.6"]).refused(2, &["from 0 to 0.5"]);
-    oct(&["export", &m, "-o", &at("m.stl"), "--error", "0.1"]).refused(2, &["cannot be simplified"]);
+    oct(&["export", &m, "-o", &at("m.stl"), "--error", "0.1"]).refused(2, &["one at a time"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);
     oct(&["export", &m]).refused(2, &["--output"]);
-    let nan = ExportRequest {
-        form: ExportForm::Stl,
-        skin_only: false,
-        error: None,
-        triangles: None,
-        smooth: Some(f64::NAN),
-    };
+    let nan = ExportRequest { smooth: Some(f64::NAN), ..ExportRequest::of(ExportForm::Stl) };
     let refused = export(Path::new(&m), Path::new(&at("m.stl")), nan, &Silent).unwrap_err();
     assert!(refused.to_string().contains("0 to half a voxel"), "{refused}");
     // What is kept in part has no inside, of labels neither.

@@ -466,13 +466,7 @@ fn triangles_in_memory_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let (path, ply) = (folder.path().join("m.oct"), folder.path().join("m.ply"));
     let compare = |normals: bool, colors: bool| {
-        let request = ExportRequest {
-            form: ExportForm::Ply,
-            skin_only: false,
-            error: None,
-            triangles: None,
-            smooth: None,
-        };
+        let request = ExportRequest::of(ExportForm::Ply);
         let report = export(&path, &ply, request, &Silent).unwrap();
         let mesh = infobyte::triangles(&Model::read(&path).unwrap(), &Silent).unwrap();
         assert!(mesh == read_ply(&fs::read(&ply).unwrap(), normals, colors), "{normals} {colors}");

@@ -493,8 +493,7 @@ fn colours_come_back_from_what_was_exported() {
         for (name, form) in
             [("m.ply", ExportForm::Ply), ("m.glb", ExportForm::Glb), ("points.ply", ExportForm::Points)]
         {
-            let request =
-                ExportRequest { form, skin_only: false, error: None, triangles: None, smooth: None };
+            let request = ExportRequest::of(form);
             export(&at("a.oct"), &at(name), request, &infobyte::progress::Silent).unwrap();
             if form == ExportForm::Points {
                 continue;

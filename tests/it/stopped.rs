@@ -164,8 +164,7 @@ fn exports_and_packing_are_stopped() {
         };
         stop_everywhere(folder.path(), 60, &|progress| match (form, name) {
             (Some(form), _) => {
-                let request =
-                    ExportRequest { form, skin_only: false, error: None, triangles: None, smooth: None };
+                let request = ExportRequest::of(form);
                 export(&at("m.oct"), &at(name), request, progress).map(|_| ())
             }
             (None, "m.packed") => pack::pack_with(&at("m.oct"), &at(name), progress).map(|_| ()),

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use super::sheets::Surface;
 use super::tree::Tree;
+use crate::export::Exported;
 use crate::export::write::{Sink, Vertex};
 use crate::geom::{add_scaled, cross, dot};
 use crate::progress::{Progress, Stopped};
@@ -76,8 +77,6 @@ pub(in crate::export) struct Goal {
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
     pub(in crate::export) parts_gone: u64,
-    /// True where the distance is a sum over two reductions: one of slabs, one of their union.
-    pub(in crate::export) is_bound: bool,
 }
 
 /// A surface in memory; what is behind `slab` corners and triangles has not been reduced yet.
@@ -125,16 +124,29 @@ impl<'a> Whole<'a> {
         Self { vertices, faces, slab: [0; 2], most: SLAB, shift: 0, goal, voxel_mm, progress, slab_mm: None }
     }
 
-    /// Makes the triangles fewer.
-    pub(in crate::export) fn reduce(&mut self) -> Result<Apart, Stopped> {
+    /// Makes the triangles fewer; `made`: what is known of the fine ones.
+    pub(in crate::export) fn reduce(&mut self, made: Exported) -> Result<Exported, Stopped> {
         if self.slab_mm.is_some() {
             self.slab()?;
         }
         let slab_mm = self.slab_mm.unwrap_or_default();
         self.slab = [0; 2];
         let goal = Goal { error_mm: self.goal.error_mm.map(|mm| mm - slab_mm), ..self.goal };
-        let apart = self.reduced(goal, false)?;
-        Ok(Apart { distance_mm: apart.distance_mm + slab_mm, is_bound: self.slab_mm.is_some(), ..apart })
+        let Apart { distance_mm, parts_gone } = self.reduced(goal, false)?;
+        // The sum over two reductions, one of slabs and one of their union, is a bound.
+        let (distance_mm, within_mm) = match self.slab_mm {
+            Some(slab_mm) => (None, Some(distance_mm + slab_mm)),
+            None => (Some(distance_mm), self.goal.error_mm),
+        };
+        Ok(Exported {
+            vertices: self.vertices.len() as u64,
+            triangles: self.faces.len() as u64,
+            fine_triangles: made.triangles,
+            distance_mm,
+            within_mm,
+            parts_gone: Some(parts_gone),
+            ..made
+        })
     }
 
     /// Makes the triangles of the slab fewer; edges of one triangle stay.
@@ -163,15 +175,15 @@ impl<'a> Whole<'a> {
         Ok(apart)
     }
 
-    /// Hands on corners and triangles; their numbers.
-    pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<(u64, u64)> {
+    /// Hands on corners and triangles.
+    pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<()> {
         for vertex in &self.vertices {
             to.vertex(vertex)?;
         }
         for face in &self.faces {
             to.triangle(*face, face.map(|corner| self.vertices[corner as usize].at))?;
         }
-        Ok((self.vertices.len() as u64, self.faces.len() as u64))
+        Ok(())
     }
 }
 
@@ -219,7 +231,7 @@ pub(in crate::export) fn reduce(
     };
     let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
     surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
-    Ok((surface, Apart { distance_mm, parts_gone, is_bound: false }))
+    Ok((surface, Apart { distance_mm, parts_gone }))
 }
 
 /// Hands over points of an item.
@@ -598,9 +610,9 @@ mod tests {
                 }
                 whole.triangle(*face, [[0.0; 3]; 3]).unwrap();
             }
-            let apart = whole.reduce().unwrap();
-            assert_eq!((apart.is_bound, apart.parts_gone), (most < usize::MAX, 0));
-            assert!(apart.distance_mm <= 0.3, "{}", apart.distance_mm);
+            let made = whole.reduce(Exported::default()).unwrap();
+            assert_eq!((made.distance_mm.is_none(), made.parts_gone), (most < usize::MAX, Some(0)));
+            assert!(made.distance_mm.or(made.within_mm) <= Some(0.3), "{made:?}");
             assert!(is_closed(&whole.faces));
             whole.faces.len()
         });

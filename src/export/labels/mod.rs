@@ -22,7 +22,7 @@ use super::boundary::Bounded;
 use super::mask::{Mask, MaskForm};
 use super::tint::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
-use super::{Bounds, ExportForm, ExportStop, Exported, Exporter};
+use super::{Bounds, ExportForm, ExportStop, Exported, Exporter, Mesh};
 use crate::enclosed::{SkinVoxel, extent};
 use crate::format::Label;
 use crate::geom::Dims;
@@ -43,20 +43,26 @@ const NUMBERS: usize = 1 << 16;
 /// The surfaces of all labels of a model, to be written.
 pub(crate) struct LabelMesh {
     parts: Parts,
+    /// Labels that are wanted, and the part of each.
     labels: Vec<Label>,
-    /// True if vertices have normals, as on smooth walls.
+    part_of: Vec<usize>,
+    /// What became of the fine triangles, where there is one label, and they were made fewer.
+    made: Exported,
+    /// True if vertices have normals: where walls are smooth.
     normals: bool,
 }
 
 impl Exporter<'_> {
-    /// Makes the surfaces of labels. A corner of the wall moves at most `smooth` voxels along each axis from the point
-    /// where the edges of voxels meet; at 0 the walls are the voxels' sides.
+    /// Makes the surfaces of the `wanted` ones of all labels, which are the same whatever else is wanted. A corner of the
+    /// wall moves at most `smooth` voxels along each axis from where four voxels' edges meet; at 0 the walls are those of the
+    /// voxels.
     ///
     /// # Errors
     /// The model is damaged, or the disk is full.
     pub(crate) fn label_mesh(
         &self,
-        labels: &[Label],
+        all: &[Label],
+        wanted: &[bool],
         smooth: f64,
         scratch: &Path,
         progress: &dyn Progress,
@@ -64,13 +70,13 @@ impl Exporter<'_> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [low, end] = bounds;
         let mut part_of = vec![0; NUMBERS];
-        for (part, label) in (1..).zip(labels) {
+        for (part, label) in (1..).zip(all) {
             part_of[usize::from(label.number)] = part;
         }
         // Cells of the box have [`MARGIN`] columns and rows before them.
         let before = [MARGIN, MARGIN, 0].map(f64::from);
         let to_mm = self.affine.starting_at(std::array::from_fn(|a| f64::from(low[a]) - before[a]));
-        let parts = Parts::new(scratch::unnamed(scratch)?, labels.len());
+        let parts = Parts::new(scratch::unnamed(scratch)?, wanted);
         let mut mesher = Mesher::new(to_mm, Placing::new(self.space, smooth), parts);
         let [width, height] = [0, 1].map(|a| end[a] - low[a] + MARGIN);
         let mut slices = 0..;
@@ -78,19 +84,36 @@ impl Exporter<'_> {
             let Some(z) = slices.next() else { return Ok(()) };
             mesher.next(&Stored { view: self.view, cells, low, width, height, part_of: &part_of }, z)
         })?;
-        Ok(LabelMesh { parts: mesher.parts, labels: labels.to_vec(), normals: smooth > 0.0 })
+        let mut parts = mesher.parts;
+        let wanted_parts = (0..all.len()).filter(|part| wanted[*part]);
+        let (part_of, labels): (Vec<_>, _) = wanted_parts.map(|part| (part, all[part].clone())).unzip();
+        let mut made = Exported::default();
+        if self.is_fewer()
+            && let [part] = part_of[..]
+        {
+            let mut whole = self.fewer(progress);
+            parts.each_vertex(part, |[at, normal]| whole.vertex(&Vertex { at, normal, light: [0; 3] }))?;
+            parts.each_triangle(part, |corners| whole.triangle(corners, [[0.0; 3]; 3]))?;
+            made = whole.reduce(Exported { triangles: parts.counts(part)[1], ..made })?;
+            parts = Parts::new(scratch::unnamed(scratch)?, wanted);
+            whole.hand_on(&mut OnePart(&mut parts, part))?;
+        }
+        Ok(LabelMesh { parts, labels, part_of, made, normals: smooth > 0.0 })
     }
 
-    /// Writes the labels of all voxels, 0 for none, into an empty file.
+    /// Writes the labels of all voxels that are among these, 0 for none, into an empty file.
     ///
     /// # Errors
     /// The model is damaged, the disk is full, or the format cannot hold so many voxels.
     pub(crate) fn label_map(
         &self,
+        labels: &[Label],
         form: ExportForm,
         out: File,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
+        let mut shown = vec![0; NUMBERS];
+        labels.iter().for_each(|label| shown[usize::from(label.number)] = label.number);
         let form = MaskForm::of(form).ok_or(ExportStop::Output(io::ErrorKind::Unsupported.into()))?;
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - 1);
@@ -101,7 +124,7 @@ impl Exporter<'_> {
             mask.label_slice(|y, row| {
                 let first = cells.partition_point(|cell| cell.y < y);
                 let of_row = cells[first..].iter().take_while(|cell| cell.y == y);
-                fill_row(self.view, of_row, row);
+                fill_row(self.view, of_row, &shown, row);
             })
         })?;
         let inside = mask.inside();
@@ -132,9 +155,14 @@ impl Exporter<'_> {
     }
 }
 
-/// Fills a row of samples with their labels, from the cells that end at them: between two cells of a row the label
-/// stays.
-fn fill_row<'c>(view: &ModelView<'_>, cells: impl Iterator<Item = &'c SkinVoxel>, row: &mut [u16]) {
+/// Fills a row of samples with what is shown of their labels, by the cells that end at them: between two cells of a row the
+/// label stays.
+fn fill_row<'c>(
+    view: &ModelView<'_>,
+    cells: impl Iterator<Item = &'c SkinVoxel>,
+    shown: &[u16],
+    row: &mut [u16],
+) {
     let (mut from, mut label) = (0, 0);
     for cell in cells {
         let Some(walls) = view.walls(cell.voxel.get()) else { continue };
@@ -142,7 +170,7 @@ fn fill_row<'c>(view: &ModelView<'_>, cells: impl Iterator<Item = &'c SkinVoxel>
         if let Some(between) = row.get_mut(from..x) {
             between.fill(label);
         }
-        (from, label) = (x, walls.corner(HIGH));
+        (from, label) = (x, shown[usize::from(walls.corner(HIGH))]);
     }
 }
 
@@ -152,9 +180,30 @@ impl LabelMesh {
         &self.labels
     }
 
-    /// Vertices and triangles of a part.
-    pub(crate) fn counts(&self, part: usize) -> [u64; 2] {
-        self.parts.counts(part)
+    /// Vertices and triangles of each label.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = [u64; 2]> {
+        self.part_of.iter().map(|part| self.parts.counts(*part))
+    }
+
+    /// The surfaces in memory, one after the other.
+    ///
+    /// # Errors
+    /// The disk's, and [`ExportFault::TooLong`](super::ExportFault::TooLong).
+    pub(crate) fn in_memory(&self) -> Result<Mesh, ExportStop> {
+        let mut mesh = Mesh::default();
+        for (part, head) in self.part_of.iter().zip(self.heads(0..self.labels.len())?) {
+            self.parts.each_vertex(*part, |[at, normal]| {
+                mesh.vertices.push(at);
+                mesh.colors.push(head.color);
+                mesh.normals.extend(self.normals.then_some(normal));
+                Ok(())
+            })?;
+            self.parts.each_triangle(*part, |corners| {
+                mesh.faces.push(corners.map(|corner| head.first + corner));
+                Ok(())
+            })?;
+        }
+        Ok(mesh)
     }
 
     /// Writes some of the parts into an empty file; pending data goes to anonymous files in `scratch`.
@@ -178,12 +227,12 @@ impl LabelMesh {
             _ => Box::new(Stl::new(out)?),
         };
         let (mut sink, lights) = (Bounded::new(sink), Lights::new());
-        let mut exported = Exported::default();
-        for (part, head) in which.zip(&heads) {
+        let mut exported = Exported { vertices: 0, triangles: 0, ..self.made };
+        for (part, head) in self.part_of[which].iter().zip(&heads) {
             sink.part(head)?;
             let light = lights.of(head.color);
-            self.parts.each_vertex(part, |[at, normal]| sink.vertex(&Vertex { at, normal, light }))?;
-            self.triangles(part, head.first, &mut sink, form == ExportForm::Stl)?;
+            self.parts.each_vertex(*part, |[at, normal]| sink.vertex(&Vertex { at, normal, light }))?;
+            self.triangles(*part, head.first, &mut sink, form == ExportForm::Stl)?;
             exported.vertices += head.vertices;
             exported.triangles += head.triangles;
         }
@@ -193,9 +242,9 @@ impl LabelMesh {
     /// Heads of consecutive parts of a file.
     fn heads(&self, which: Range<usize>) -> Result<Vec<PartHead>, ExportStop> {
         let (mut heads, mut first) = (Vec::new(), 0);
-        for (part, label) in which.clone().zip(self.labels.get(which).unwrap_or_default()) {
-            let [vertices, triangles] = self.parts.counts(part);
-            let [low, high] = self.parts.bounds(part);
+        for (part, label) in self.part_of[which.clone()].iter().zip(&self.labels[which]) {
+            let [vertices, triangles] = self.parts.counts(*part);
+            let [low, high] = self.parts.bounds(*part);
             let (name, color) = (part_name(label), label.color);
             let of = counted(first)?;
             first += vertices;
@@ -230,7 +279,20 @@ impl LabelMesh {
     }
 }
 
-/// A label's name, or its number if it has none.
+/// A part that is filled.
+struct OnePart<'p>(&'p mut Parts, usize);
+
+impl Sink for OnePart<'_> {
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
+        self.0.vertex(self.1, &[vertex.at, vertex.normal]).map(|_| ())
+    }
+
+    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
+        self.0.triangle(self.1, corners)
+    }
+}
+
+/// A label's name, or its number where it has none.
 pub(crate) fn part_name(label: &Label) -> String {
     if label.name.is_empty() { format!("label {}", label.number) } else { label.name.clone() }
 }

@@ -19,6 +19,7 @@ const MOST: usize = 2048 * VERTEX;
 /// The surface of one label.
 #[derive(Debug)]
 struct Part {
+    is_wanted: bool,
     counts: [u64; 2],
     low: [f32; 3],
     high: [f32; 3],
@@ -36,11 +37,13 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    pub(super) fn new(file: File, count: usize) -> Self {
+    /// Parts that are not wanted stay empty.
+    pub(super) fn new(file: File, wanted: &[bool]) -> Self {
+        let count = wanted.len();
         let page = (BUFFERS / (2 * count.max(1))).clamp(LEAST, MOST) / VERTEX * VERTEX;
-        let part = || Part { counts: [0; 2], low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-        let records = Chains::new(file, 2 * count, page);
-        Self { records, parts: std::iter::repeat_with(part).take(count).collect() }
+        let (low, high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let part = |is_wanted: &bool| Part { is_wanted: *is_wanted, counts: [0; 2], low, high };
+        Self { records: Chains::new(file, 2 * count, page), parts: wanted.iter().map(part).collect() }
     }
 
     /// Vertices and triangles of a part so far.
@@ -53,10 +56,14 @@ impl Parts {
         self.parts.get(part).map_or([[0.0; 3]; 2], |part| [part.low, part.high])
     }
 
-    /// Adds a vertex, and returns its number within its part.
+    fn wanted(&mut self, part: usize) -> Option<&mut Part> {
+        self.parts.get_mut(part).filter(|part| part.is_wanted)
+    }
+
+    /// Adds a vertex, and gives its number within its part.
     #[inline]
     pub(super) fn vertex(&mut self, part: usize, point: &Point) -> io::Result<u32> {
-        let Some(of) = self.parts.get_mut(part) else { return Ok(0) };
+        let Some(of) = self.wanted(part) else { return Ok(0) };
         let [at, normal] = point;
         for (a, c) in at.iter().enumerate() {
             of.low[a] = of.low[a].min(*c);
@@ -72,7 +79,7 @@ impl Parts {
     /// Adds a triangle of a part's vertices.
     #[inline]
     pub(super) fn triangle(&mut self, part: usize, corners: [u32; 3]) -> io::Result<()> {
-        let Some(of) = self.parts.get_mut(part) else { return Ok(()) };
+        let Some(of) = self.wanted(part) else { return Ok(()) };
         of.counts[1] += 1;
         let record: [u8; TRIANGLE] = bytemuck::cast(corners.map(u32::to_le_bytes));
         self.records.push(2 * part + 1, &record)

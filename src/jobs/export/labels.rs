@@ -18,12 +18,14 @@ use crate::fault::{Fault, usage};
 use crate::format::Label;
 use crate::jobs::names::file_names;
 use crate::jobs::opened::open_model;
+use crate::jobs::scene::{no_label, unlabelled};
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;
 use crate::progress::Progress;
 use crate::render::GridSpace;
+use crate::scene::label_parts;
 use crate::text::data;
-use crate::text::names::{RANGE, SMOOTH};
+use crate::text::names::{ONLY, RANGE, SMOOTH};
 
 /// The surface of one label, as it was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,7 +55,7 @@ pub struct LabelSurface {
 pub fn export_each(
     input: &Path,
     folder: &Path,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
@@ -76,14 +78,16 @@ pub fn export_each(
             .write(request.form, copy, folder, part..part + 1)
             .map_err(|stop| failed(stop, &model, input, &path))?;
         bytes += commit(out, &path, progress)?;
-        made.vertices += of_part.vertices;
-        made.triangles += of_part.triangles;
-        made.unknown = of_part.unknown;
-        made.is_closed = Some(made.is_closed != Some(false) && of_part.is_closed == Some(true));
+        made = Exported {
+            vertices: made.vertices + of_part.vertices,
+            triangles: made.triangles + of_part.triangles,
+            is_closed: Some(made.is_closed != Some(false) && of_part.is_closed == Some(true)),
+            ..of_part
+        };
         outputs.push(path);
     }
     let surfaces = surfaces(&mesh, &outputs);
-    Ok(report([input, folder], request.form, &model, (made, bytes, surfaces), start))
+    Ok(report([input, folder], request, &model, (made, bytes, surfaces), start))
 }
 
 /// Writes all labels of a model into one file: their surfaces, or their map.
@@ -91,7 +95,7 @@ pub(super) fn export_labels(
     input: &Path,
     output: &Path,
     model: &Model,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
@@ -107,7 +111,7 @@ pub(super) fn export_labels(
         (made.map_err(|stop| failed(stop, model, input, output))?, surfaces(&mesh, &[]))
     };
     let bytes = commit(out, output, progress)?;
-    Ok(report([input, output], request.form, model, (made, bytes, surfaces), start))
+    Ok(report([input, output], request, model, (made, bytes, surfaces), start))
 }
 
 /// Writes the labels of all voxels.
@@ -115,15 +119,25 @@ fn map(
     input: &Path,
     output: &Path,
     model: &Model,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     out: File,
     progress: &dyn Progress,
 ) -> Result<Exported, Error> {
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let (view, give_back) = (model.view(), || model.give_back());
     let exporter = exporter_of(model, &view, &space, request, &give_back);
-    let made =
-        exporter.label_map(request.form, out, progress).map_err(|stop| failed(stop, model, input, output))?;
+    let wanted = wanted(model, input, request)?;
+    let labels: Vec<_> = model
+        .frame()
+        .labels
+        .iter()
+        .zip(wanted)
+        .filter(|(_, wanted)| *wanted)
+        .map(|(label, _)| label.clone())
+        .collect();
+    let made = exporter
+        .label_map(&labels, request.form, out, progress)
+        .map_err(|stop| failed(stop, model, input, output))?;
     model.check_unchanged(input)?;
     Ok(made)
 }
@@ -140,12 +154,9 @@ fn mesh(
     output: &Path,
     scratch: &Path,
     model: &Model,
-    request: ExportRequest,
+    request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<LabelMesh, Error> {
-    if request.error.is_some() || request.triangles.is_some() {
-        return Err(with_labels("simplified", input).into());
-    }
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let view = model.view();
     let give_back = || model.give_back();
@@ -156,18 +167,40 @@ fn mesh(
         return Err(fault.at(input).into());
     }
     let mesh = exporter
-        .label_mesh(&model.frame().labels, smooth, scratch, progress)
+        .label_mesh(&model.frame().labels, &wanted(model, input, request)?, smooth, scratch, progress)
         .map_err(|stop| failed(stop, model, input, output))?;
     model.check_unchanged(input)?;
     Ok(mesh)
 }
 
+/// Which labels of a model are written.
+pub(super) fn wanted<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    path: &Path,
+    request: ExportRequest<'_>,
+) -> Result<Vec<bool>, Fault> {
+    let (table, rules) = (&model.frame().labels, request.labels);
+    if table.is_empty() && !rules.is_empty() {
+        return Err(unlabelled(path));
+    }
+    let parts = label_parts(rules, table).map_err(|label| no_label(label, path))?;
+    let wanted: Vec<bool> = parts.into_iter().map(|part| part > 0.0).collect();
+    if !rules.is_empty() && !wanted.contains(&true) {
+        return Err(usage!("no label is left to write; name one that is not left out").at(path));
+    }
+    let is_fewer = request.form.has_triangles() && (request.error.is_some() || request.triangles.is_some());
+    if is_fewer && wanted.iter().filter(|is_wanted| **is_wanted).count() > 1 {
+        let sentence = "has several labels, which become fewer triangles one at a time";
+        return Err(usage!("{sentence}; name one with {ONLY}").at(path));
+    }
+    Ok(wanted)
+}
+
 /// The surface of each label, with its file, if each has one.
 fn surfaces(mesh: &LabelMesh, outputs: &[PathBuf]) -> Vec<LabelSurface> {
-    let figures = |(part, label): (usize, &Label)| {
-        let [vertices, triangles] = mesh.counts(part);
+    let figures = |(part, (label, [vertices, triangles])): (usize, (&Label, [u64; 2]))| {
         let output = outputs.get(part).map(|path| data(path));
         LabelSurface { number: label.number, name: label.name.clone(), vertices, triangles, output }
     };
-    mesh.labels().iter().enumerate().map(figures).collect()
+    mesh.labels().iter().zip(mesh.counts()).enumerate().map(figures).collect()
 }

@@ -453,17 +453,21 @@ class Model:
             distance.reshape(shape), position.reshape(places), normal.reshape(places), side.reshape(shape), cell.reshape(shape)
         )
 
-    def to_mesh(self, *, triangles: int | None = None, progress: Progress = False) -> Mesh:
+    def to_mesh(
+        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+    ) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
-        as `oct export --triangles`. `progress` as that of `build`.
+        as `oct export --triangles`. `only`: numbers, ranges or names of labels; instead of the outside of all labels, the
+        closed surface of each of these in its colour, one after the other, with walls between neighbours. `progress` as that
+        of `build`.
 
-        Raises `UsageError` for a model that keeps only what can be seen.
+        Raises `UsageError` for a model that keeps only what can be seen, and for `triangles` of several labels.
         """
         _refuse_no_triangles(triangles)
         with bar(progress) as told:
-            arrays = self._handle.triangles(triangles, told)
+            arrays = self._handle.triangles(triangles, _labels(only), told)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
         return Mesh(three["vertices"], three["faces"], *optional)
@@ -518,19 +522,22 @@ class Model:
         *,
         error: float | str | None = None,
         triangles: int | None = None,
+        only: Sequence[Label] | None = None,
         smooth: float | None = None,
         progress: Progress = False,
     ) -> dict[str, Any]:
         """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given.
 
         `error`: leaves out corners of triangles while the surface stays so close to the full one, in voxels (`0.1`) or as
-        `'0.05mm'`; `triangles`: makes at most so many, with `error` whichever comes first. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`;
-        `progress` as that of `build`.
+        `'0.05mm'`; `triangles`: makes at most so many, with `error` whichever comes first. Of a model of labels
+        triangles have a part for each label, or for those in `only`, by number, range or name; `smooth` as `oct export
+        --smooth`. `progress` as that of `build`.
         """
         _refuse_no_triangles(triangles)
         within = None if error is None else str(error)
         with bar(progress) as told:
-            return loads(_infobyte.export((self.path, os.fspath(output)), form, (within, triangles), smooth, told))
+            files, labels = (self.path, os.fspath(output)), (_labels(only), smooth)
+            return loads(_infobyte.export(files, form, (within, triangles), labels, told))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""
@@ -540,6 +547,10 @@ class Model:
 def _refuse_no_triangles(count: int | None) -> None:
     if count is not None and count < 1:
         raise UsageError(f"triangles is {count}; give 1 or more")
+
+
+def _labels(labels: Sequence[Label] | None) -> list[str] | None:
+    return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, str) else labels)]
 
 
 def loads(text: str) -> dict[str, Any]:
@@ -603,7 +614,7 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
         if asked[name] is not None:
             asked[name] = [float(at) for at in asked[name]]
     for name in ("only", "hide"):
-        asked[name] = None if asked[name] is None else [str(label) for label in asked[name]]
+        asked[name] = _labels(asked[name])
     asked["opacity"] = [[str(label), float(part)] for label, part in (asked["opacity"] or {}).items()]
     import json
 

@@ -120,6 +120,27 @@ def test_labels(tmp_path):
         built(array + 0.5, "d.oct", iso=None, labels="all")
 
 
+def test_triangles_of_some_labels():
+    z, y, x = np.mgrid[:20, :24, :28]
+    array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)
+    model = built(array, iso=None, labels="all", names={7: "left", 9: "right"})
+
+    def volume(mesh):
+        a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(float) for i in range(3))
+        return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+
+    left, both = model.to_mesh(only=["left"]), model.to_mesh(only=[7, 9])
+    assert volume(left) == pytest.approx((array == 7).sum(), rel=0.02) and volume(both) == pytest.approx((array > 0).sum(), rel=0.02)
+    assert np.array_equal(left.faces, both.faces[: len(left.faces)]) and len(np.unique(left.vertex_colors, axis=0)) == 1
+    assert model.export("left.stl", only="left")["triangles"] == len(left.faces)
+    few = model.to_mesh(only=["left"], triangles=60)
+    assert len(few.faces) == model.export("left.glb", only=["left"], triangles=60)["triangles"] <= 60 < len(left.faces)
+    for wrong in (dict(only=[8]), dict(only=["7..9"], triangles=60), dict(only=[""])):
+        for call in (model.to_mesh, lambda **options: model.export("left.stl", **options)):
+            with pytest.raises(infobyte.UsageError):
+                call(**wrong)
+
+
 def test_a_model_of_each_label(tmp_path, oct):
     z, y, x = np.mgrid[:20, :24, :28]
     array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)

@@ -41,6 +41,9 @@ infobyte.build(ball, "a.oct", surface="skins")  # type: ignore[arg-type]
 model.render(64, view="above")  # type: ignore[call-overload]
 model.png(64, layers=["depth"])  # type: ignore[call-arg]
 model.png(64, projection="isometric")  # type: ignore[arg-type]
+assert_type(model.to_mesh(only=["liver", 5], triangles=100), infobyte.Mesh)
+model.export("a.stl", only=["1..4"], smooth=0.2)
+model.to_mesh(only=5)  # type: ignore[arg-type]
 model.export("a.stl", "step")  # type: ignore[arg-type]
 infobyte.thickness(model, by="sphere")  # type: ignore[arg-type]
 """

@@ -200,8 +200,7 @@ fn the_library_names_its_own_options() {
     let _ = |batch: &BatchRequest| (batch.out.is_dir(), batch.min_slices, batch.thumbnails_of_all);
     let point = ViewPoint::Free { eye: [0.0; 3], look_at: [0.0; 3], up: None };
     let picture = RenderRequest { point: Some(point), ..Default::default() };
-    let export =
-        ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, triangles: None, smooth: None };
+    let export = ExportRequest::of(ExportForm::Stl);
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
     let (view, outputs) = (ViewRequest::default(), Outputs::of(Path::new("p.png")));
     let each = infobyte::jobs::build::EachLabel { folder: Path::new(""), replace: false, keep_whole: false };

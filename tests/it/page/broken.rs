@@ -99,13 +99,7 @@ fn damaged_files_become_a_sentence_or_a_page_that_opens() {
     let sound = fs::read(page.with_extension("oct")).unwrap();
     let (path, out) = (folder.path().join("bad.oct"), folder.path().join("bad.html"));
     let table = HEADER_BYTES + Frame::read(&*sound).unwrap().sections.len() * ENTRY_BYTES;
-    let request = ExportRequest {
-        form: ExportForm::Html,
-        skin_only: false,
-        error: None,
-        triangles: None,
-        smooth: None,
-    };
+    let request = ExportRequest::of(ExportForm::Html);
     let mut random = Random(31);
     let (mut refused, mut pages) = (0, Vec::new());
     for round in 0..100 * long() {
