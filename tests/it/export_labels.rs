@@ -505,7 +505,7 @@ fn chosen_labels_are_as_among_all() {
             let found = Surfaces::read(&path);
             found.assert_closed("few");
             let volume = found.volumes()[&300] / map.voxels()[&300] as f64;
-            assert!((volume - 1.0).abs() < 0.05, "{volume}");
+            assert!((volume - 1.0).abs() < 0.1, "{volume}");
         }
     }
     let labels = fs::read(written("some.nii", &some, None).1).unwrap();

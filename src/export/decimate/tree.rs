@@ -41,21 +41,55 @@ impl Facet {
 pub(super) struct Tree {
     triangles: Vec<[[f32; 3]; 3]>,
     nodes: Vec<Node>,
+    /// Greatest coordinate.
+    size: f32,
 }
+
+/// Three numbers, and 0: as many as processors take at a time.
+type Four = [f32; 4];
 
 /// A box: of a leaf the number of its first triangle; else its first half follows it, and `second` is the other.
 struct Node {
     low: [f32; 3],
-    high: [f32; 3],
     first: u32,
+    high: [f32; 3],
     second: u32,
 }
 
 impl Node {
-    fn square(&self, p: [f64; 3]) -> f64 {
-        box_square([self.low, self.high], p)
+    fn sides(&self) -> [Four; 2] {
+        [self.low, self.high].map(|[x, y, z]| [x, y, z, 0.0])
     }
 }
+
+/// A point, and places on both sides of it in single precision, more than any rounding apart.
+struct Query {
+    p: [f64; 3],
+    above: Four,
+    below: Four,
+}
+
+impl Query {
+    #[expect(clippy::cast_possible_truncation, reason = "to single precision")]
+    fn new(p: [f64; 3], size: f32) -> Self {
+        let [x, y, z] = p.map(|c| c as f32);
+        let slack = 8.0 * f32::EPSILON * [x, y, z].iter().fold(size, |most, c| most.max(c.abs()));
+        let near = |slack: f32| [x + slack, y + slack, z + slack, 0.0];
+        Self { p, above: near(slack), below: near(-slack) }
+    }
+
+    /// A squared distance from a box, no greater than that of the point but for the last bits.
+    #[inline(always)]
+    fn square(&self, [low, high]: [Four; 2]) -> f32 {
+        let greater = |a: f32, b: f32| if a > b { a } else { b };
+        let over: Four =
+            std::array::from_fn(|k| greater(greater(low[k] - self.above[k], self.below[k] - high[k]), 0.0));
+        (over[0] * over[0] + over[1] * over[1]) + (over[2] * over[2] + over[3] * over[3])
+    }
+}
+
+/// Part by which a squared distance in single precision may be too great.
+const LAST_BITS: f64 = 1.0 + 1e-6;
 
 fn number(count: usize) -> u32 {
     u32::try_from(count).unwrap_or(NO_HALF)
@@ -63,16 +97,20 @@ fn number(count: usize) -> u32 {
 
 impl Tree {
     pub(super) fn new(mut triangles: Vec<[[f32; 3]; 3]>) -> Self {
-        let mut nodes = Vec::new();
-        split(&mut nodes, &mut triangles, 0);
-        Self { triangles, nodes }
+        let (mut nodes, [low, high]) = (Vec::new(), around(triangles.as_flattened()));
+        let sides = std::array::from_fn(|k| high[k] - low[k]);
+        split(&mut nodes, &mut triangles, 0, sides);
+        let size = low.iter().chain(&high).fold(0.0_f32, |most, c| most.max(c.abs()));
+        Self { triangles, nodes, size }
     }
 
     /// Squared distance of a point, infinite without triangles, or a distance no greater than `enough` if it is no greater
     /// either; `seed`: the triangle that was nearest to a point before.
     pub(super) fn square(&self, p: [f64; 3], seed: &mut usize, enough: f64) -> f64 {
         let mut best = self.triangles.get(*seed).map_or(f64::INFINITY, |triangle| square(triangle, p));
-        self.descend(0, p, &mut best, seed, enough);
+        if best > enough {
+            self.descend(0, &Query::new(p, self.size), &mut best, seed, enough);
+        }
         best
     }
 
@@ -82,7 +120,7 @@ impl Tree {
         std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
     }
 
-    fn descend(&self, at: usize, p: [f64; 3], best: &mut f64, seed: &mut usize, enough: f64) {
+    fn descend(&self, at: usize, query: &Query, best: &mut f64, seed: &mut usize, enough: f64) {
         let Some(node) = self.nodes.get(at) else { return };
         if *best <= enough {
             return;
@@ -92,8 +130,8 @@ impl Tree {
             // Where a leaf has fewer, triangles of the next one do no harm.
             let end = (first + LEAF).min(self.triangles.len());
             for (number, triangle) in (first..end).zip(&self.triangles[first..end]) {
-                if box_square(around(triangle), p) < *best {
-                    let square = square(triangle, p);
+                if f64::from(query.square(around(triangle))) < *best * LAST_BITS {
+                    let square = square(triangle, query.p);
                     if square < *best {
                         (*best, *seed) = (square, number);
                     }
@@ -102,13 +140,13 @@ impl Tree {
             return;
         }
         let (one, other) = (at + 1, node.second as usize);
-        let mut halves = [(self.nodes[one].square(p), one), (self.nodes[other].square(p), other)];
+        let mut halves = [one, other].map(|half| (query.square(self.nodes[half].sides()), half));
         if halves[1].0 < halves[0].0 {
             halves.swap(0, 1);
         }
         for (square, half) in halves {
-            if square < *best {
-                self.descend(half, p, best, seed, enough);
+            if f64::from(square) < *best * LAST_BITS {
+                self.descend(half, query, best, seed, enough);
             }
         }
     }
@@ -125,49 +163,42 @@ fn double([x, y, z]: &[f32; 3]) -> [f64; 3] {
     [f64::from(*x), f64::from(*y), f64::from(*z)]
 }
 
-/// The box around a triangle.
+/// The box around some places, without any a place.
 #[inline(always)]
-fn around([a, b, c]: &[[f32; 3]; 3]) -> [[f32; 3]; 2] {
-    let (mut low, mut high) = (*a, *a);
-    for k in 0..3 {
-        low[k] = a[k].min(b[k]).min(c[k]);
-        high[k] = a[k].max(b[k]).max(c[k]);
+fn around(places: &[[f32; 3]]) -> [Four; 2] {
+    let (mut low, mut high) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+    for [x, y, z] in places {
+        let place = [*x, *y, *z, 0.0];
+        for k in 0..4 {
+            low[k] = if place[k] < low[k] { place[k] } else { low[k] };
+            high[k] = if place[k] > high[k] { place[k] } else { high[k] };
+        }
     }
     [low, high]
 }
 
-/// Squared distance of a point from a box.
-#[inline(always)]
-fn box_square([low, high]: [[f32; 3]; 2], p: [f64; 3]) -> f64 {
-    let mut sum = 0.0;
-    for ((low, high), p) in low.iter().zip(high).zip(p) {
-        let over = (f64::from(*low) - p).max(p - f64::from(high)).max(0.0);
-        sum += over * over;
-    }
-    sum
-}
-
-/// Adds the node of some triangles, the first of which has this number.
-fn split(nodes: &mut Vec<Node>, triangles: &mut [[[f32; 3]; 3]], first: usize) {
-    let of = |fold: fn(f32, f32) -> f32| {
-        let corners = triangles.as_flattened().iter().copied();
-        corners.reduce(|a, b| std::array::from_fn(|k| fold(a[k], b[k]))).unwrap_or_default()
-    };
-    let (low, high) = (of(f32::min), of(f32::max));
+/// Adds the node of some triangles, the first of which has this number; `sides`: about those of their box.
+fn split(nodes: &mut Vec<Node>, triangles: &mut [[[f32; 3]; 3]], first: usize, mut sides: Four) {
     let at = nodes.len();
-    nodes.push(Node { low, high, first: number(first), second: NO_HALF });
+    let leaf = around(if triangles.len() <= LEAF { triangles.as_flattened() } else { &[] });
+    let [low, high] = leaf.map(|[x, y, z, _]| [x, y, z]);
+    nodes.push(Node { low, first: number(first), high, second: NO_HALF });
     if triangles.len() <= LEAF {
         return;
     }
-    let length = |a: &usize| high[*a] - low[*a];
-    let axis = (0..3).max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or(0);
+    let axis = (0..3).max_by(|a, b| sides[*a].total_cmp(&sides[*b])).unwrap_or(0);
+    sides[axis] *= 0.5;
     let half = triangles.len() / 2;
     let middle = |triangle: &[[f32; 3]; 3]| triangle.iter().map(|corner| corner[axis]).sum::<f32>();
     triangles.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
     let (low, high) = triangles.split_at_mut(half);
-    split(nodes, low, first);
-    nodes[at].second = number(nodes.len());
-    split(nodes, high, first + half);
+    split(nodes, low, first, sides);
+    let other = nodes.len();
+    split(nodes, high, first + half, sides);
+    let halves = [at + 1, other].map(|half| &nodes[half]);
+    let [low, high] = around(&[halves[0].low, halves[0].high, halves[1].low, halves[1].high]);
+    let [low, high] = [low, high].map(|[x, y, z, _]| [x, y, z]);
+    nodes[at] = Node { low, first: number(first), high, second: number(other) };
 }
 
 #[cfg(test)]

@@ -341,8 +341,8 @@ impl Reducer<'_> {
             if few.faces.len() == fine.faces.len() {
                 break;
             }
+            few.compact();
             if self.is_near(&fine, &tree, &few, mm) {
-                few.compact();
                 return few;
             }
         }
@@ -352,11 +352,15 @@ impl Reducer<'_> {
     /// True if no measured point of either surface is farther than `mm` from the other.
     fn is_near(&self, fine: &Surface, tree: &Tree, few: &Surface, mm: f64) -> bool {
         let (square, mut seed) = (mm * mm, 0);
-        let few_tree = Tree::new(few.triangles().collect());
         let mut near = |tree: &Tree, p| tree.square(p, &mut seed, square) <= square;
+        let is_few_near = few.at.iter().all(|at| near(tree, at.map(f64::from)))
+            && few.faces.iter().all(|face| lattice(few, face, 0.5 * self.voxel_mm, |p| near(tree, p)));
+        if !is_few_near {
+            return false;
+        }
+        let few_tree = Tree::new(few.triangles().collect());
         fine.at.iter().all(|at| near(&few_tree, at.map(f64::from)))
             && fine.faces.iter().all(|face| near(&few_tree, middle(fine.corners(face))))
-            && few.faces.iter().all(|face| lattice(few.corners(face), 0.5 * self.voxel_mm, |p| near(tree, p)))
     }
 
     /// Keeps fine corners within a voxel of some places.
@@ -452,8 +456,9 @@ impl Reducer<'_> {
         all.extend(far.places(&self.fine.faces, &tree, false, &|face, point| {
             point(middle(self.fine.corners(face)));
         }));
+        all.extend(far.places(&few.at, &self.tree, true, &|at, point| point(at.map(f64::from))));
         all.extend(far.places(&few.faces, &self.tree, true, &|face, point| {
-            lattice(few.corners(face), 0.5 * self.voxel_mm, |p| {
+            lattice(few, face, 0.5 * self.voxel_mm, |p| {
                 point(p);
                 true
             });
@@ -516,25 +521,28 @@ fn middle([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
 }
 
-/// True if `holds` for all points of a triangle, in rows `step` mm apart or less, and as far from each other.
+/// True if `holds` for the points of a triangle apart from its corners, in rows `step` mm apart or less, and as far from each
+/// other. Points of an edge are those of the triangle that has it from the lesser corner to the other.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
-fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
+fn lattice(surface: &Surface, face: &[u32; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
+    let corners = surface.corners(face);
     let ways = [0, 1, 2].map(|k| add_scaled(corners[(k + 1) % 3], -1.0, corners[k]));
-    let squares = ways.map(|way| dot(way, way));
-    let longest = (0..3).max_by(|i, j| squares[*i].total_cmp(&squares[*j])).unwrap_or(0);
-    let [a, along, aside] = [corners[longest], ways[longest], ways[(longest + 2) % 3].map(|c| -c)];
-    let [length, area] = [along, cross(along, aside)].map(|v| dot(v, v).sqrt());
+    let lengths = ways.map(|way| dot(way, way).sqrt());
+    let longest = (0..3).max_by(|i, j| lengths[*i].total_cmp(&lengths[*j])).unwrap_or(0);
+    let [along, aside] = [ways[longest], ways[(longest + 2) % 3].map(|c| -c)];
     // A flat triangle gives NaN here, which counts as one row.
     let parts = |length: f64| (length / step).ceil().clamp(1.0, MAX_POINTS).max(1.0) as u32;
-    let rows = parts(area / length);
-    (0..=rows).all(|row| {
-        let up = f64::from(row) / f64::from(rows);
-        let points = parts((1.0 - up) * length);
-        (0..=points).all(|point| {
-            let right = (1.0 - up) * f64::from(point) / f64::from(points);
-            holds(add_scaled(add_scaled(a, up, aside), right, along))
+    let mut within = |start: [f64; 3], way: [f64; 3], length: f64| {
+        let count = parts(length);
+        (1..count).all(|point| holds(add_scaled(start, f64::from(point) / f64::from(count), way)))
+    };
+    let rows = parts(dot(cross(along, aside), cross(along, aside)).sqrt() / lengths[longest]);
+    (0..3).all(|k| face[k] > face[(k + 1) % 3] || within(corners[k], ways[k], lengths[k]))
+        && (1..rows).all(|row| {
+            let up = f64::from(row) / f64::from(rows);
+            let start = add_scaled(corners[longest], up, aside);
+            within(start, along.map(|c| (1.0 - up) * c), (1.0 - up) * lengths[longest])
         })
-    })
 }
 
 impl Surface {
