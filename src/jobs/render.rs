@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::relief::Relief;
+use crate::fault::usage;
 use crate::format::ColorMap;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
@@ -17,7 +18,7 @@ use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
 use crate::render::shade::{Shader, linear_of};
 use crate::render::{
-    Camera, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing, ViewPoint,
+    Camera, Image, NamedView, Projection, RenderError, Samples, Shading, Smoothing, ViewPoint,
 };
 use crate::scene::{self, Counts, LabelRule, Look, Part, Scene, Section, Seen, Watch};
 
@@ -587,7 +588,8 @@ pub fn selfcheck(
     // With larger leaves only the cells are compared, which needs no volume.
     let bits = if view.has_leaves() { BitVolume::new(0) } else { BitVolume::decode(view) };
     let bits = bits.ok_or_else(|| {
-        RenderError::from(RenderFault::TooDeep { depth: view.depth(), most: BitVolume::MAX_DEPTH })
+        let (depth, most) = (view.depth(), BitVolume::MAX_DEPTH);
+        usage!("a grid of 2^{depth} cells a side is too large to be compared cell by cell; choose a model of at most 2^{most}")
     })?;
     let tasks = rays.div_ceil(SELFCHECK_TASK);
     let task = |i: u64| {

@@ -15,8 +15,10 @@
 
 use std::str::FromStr;
 
-use super::{CameraFault, RenderError};
+use super::{RenderError, RenderFault};
+use crate::fault::{Fault, usage};
 use crate::geom::{add_scaled, angle, cross, dot};
+use crate::text::names::{EYE, LOOK_AT, UP};
 
 /// Projection of lines of sight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -166,7 +168,7 @@ impl Camera {
     ) -> Result<Self, RenderError> {
         if !(FOV_RANGE_DEG.0..=FOV_RANGE_DEG.1).contains(&fov_deg) {
             let (least, most) = FOV_RANGE_DEG;
-            return Err(CameraFault::FieldOfView { degrees: fov_deg, least, most }.into());
+            return Err(wrong(usage!("the field of view is {fov_deg} degrees; choose {least} to {most}")));
         }
         let tangent = tan_deg(fov_deg / 2.0);
         match point {
@@ -180,7 +182,7 @@ impl Camera {
             }
             ViewPoint::Turned { view, degrees } => {
                 if !degrees.is_finite() {
-                    return Err(CameraFault::NotFinite.into());
+                    return Err(not_finite());
                 }
                 let (_, forward, up) = view.row();
                 let axes = Axes::new(turned(forward, degrees), turned(up, degrees))?;
@@ -189,15 +191,19 @@ impl Camera {
             ViewPoint::Free { eye, look_at, up } => {
                 let given = [eye, look_at, up.unwrap_or([0.0; 3])];
                 if !given.iter().flatten().all(|v| v.is_finite()) {
-                    return Err(CameraFault::NotFinite.into());
+                    return Err(not_finite());
                 }
                 let sight = add_scaled(look_at, -1.0, eye);
                 let distance = dot(sight, sight).sqrt();
                 if !distance.is_finite() {
-                    return Err(CameraFault::TooFar.into());
+                    return Err(wrong(usage!(
+                        "the eye is too far from the point that it looks at for any picture; give both in mm, near the model ({EYE}, {LOOK_AT})"
+                    )));
                 }
                 if !distance.is_normal() {
-                    return Err(CameraFault::EyeInTarget.into());
+                    return Err(wrong(usage!(
+                        "the eye is at the point that it looks at; move one of them ({EYE}, {LOOK_AT})"
+                    )));
                 }
                 let axes = match up {
                     Some(up) => Axes::new(sight, up)?,
@@ -288,7 +294,7 @@ impl Camera {
     pub(crate) fn zoomed(mut self, factor: f64) -> Result<Self, RenderError> {
         let (least, most) = ZOOM_RANGE;
         if !(least..=most).contains(&factor) {
-            return Err(CameraFault::Zoom { factor, least, most }.into());
+            return Err(wrong(usage!("the magnification is {factor}; choose {least} to {most}")));
         }
         self.half_width /= factor;
         self.half_height /= factor;
@@ -368,6 +374,15 @@ pub(super) struct RayFrame {
     pub(super) unit_up: [f64; 3],
 }
 
+/// A camera that cannot be.
+fn wrong(fault: Fault) -> RenderError {
+    RenderFault::Camera(fault).into()
+}
+
+fn not_finite() -> RenderError {
+    wrong(usage!("a camera coordinate is not a finite number"))
+}
+
 /// Three orthogonal unit vectors.
 #[derive(Clone, Copy)]
 struct Axes {
@@ -377,11 +392,13 @@ struct Axes {
 }
 
 impl Axes {
-    fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, CameraFault> {
-        let (forward, up) = unit(forward).zip(unit(up)).ok_or(CameraFault::UpWithoutLength)?;
+    fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, RenderError> {
+        let short = || wrong(usage!("the up direction has no length; give another ({UP})"));
+        let along = || wrong(usage!("the up direction is along the line of sight; give another ({UP})"));
+        let (forward, up) = unit(forward).zip(unit(up)).ok_or_else(short)?;
         let right = cross(forward, up);
         // Under a thousandth of a radian the picture's rotation would be noise.
-        let right = unit(right).filter(|_| dot(right, right) >= 1e-6).ok_or(CameraFault::UpAlongSight)?;
+        let right = unit(right).filter(|_| dot(right, right) >= 1e-6).ok_or_else(along)?;
         Ok(Self { right, up: cross(right, forward), forward })
     }
 

@@ -13,6 +13,7 @@ use super::tile::{Layout, Listed, RAYS, Tracer};
 use super::traverse::Hit;
 use super::{GridSpace, RenderError};
 use crate::cpu::Form;
+use crate::fault::{Fault, usage};
 use crate::geom::{NodeIndex, VoxelIndex};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::RenderFault;
@@ -76,6 +77,10 @@ impl SurfacePoint {
         number: Hits::NOTHING,
         normal: None,
     };
+}
+
+fn other_count(rays: usize, others: usize) -> Fault {
+    usage!("{rays} origins and {others} directions or answers; give as many of each")
 }
 
 /// The hits of many rays: arrays with an item for each ray, in their order, to be reused for the next rays.
@@ -261,7 +266,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// # Errors
     /// [`RenderError`] for a model whose axes span no volume, or whose file was changed ([`Model::open`]).
     pub fn new(model: P) -> Result<Self, RenderError> {
-        Form::chosen().map_err(RenderFault::Form)?;
+        Form::chosen().map_err(|sentence| usage!("{sentence}"))?;
         let space = model.unchanged_during(|| GridSpace::new(model.dims(), &model.affine()))?;
         Ok(Self { model, space })
     }
@@ -375,7 +380,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         met: &mut [bool],
     ) -> Result<(), RenderError> {
         if met.len() != origins_mm.len() {
-            return Err(RenderFault::RayCount { rays: origins_mm.len(), others: met.len() }.into());
+            return Err(other_count(origins_mm.len(), met.len()).into());
         }
         self.met(Layout::of(origins_mm, directions, None), (origins_mm, directions), t_max, met)
     }
@@ -404,7 +409,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     ) -> Result<(), RenderError> {
         let rays = lines.0.len();
         if rays != lines.1.len() {
-            return Err(RenderFault::RayCount { rays, others: lines.1.len() }.into());
+            return Err(other_count(rays, lines.1.len()).into());
         }
         self.model.unchanged_during(|| {
             let view = self.model.view();

@@ -4,9 +4,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::RenderError;
 use super::shade::Shader;
-use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
+use crate::fault::usage;
 use crate::mark::{KEYWORD, PROGRAM};
 use crate::render::RenderFault;
 
@@ -362,9 +363,14 @@ impl PngRows {
             (PngLayer::Depth, Image { depth: Some(depth), .. }) => words(&mut self.writer, depth),
             (PngLayer::Normals, Image { normals: Some(normals), .. }) => self.writer.write_all(normals),
             (PngLayer::Ids, Image { ids: Some(ids), .. }) => words(&mut self.writer, ids),
-            (PngLayer::Depth, _) => return Err(RenderFault::NoLayer(Layer::Depth).into()),
-            (PngLayer::Normals, _) => return Err(RenderFault::NoLayer(Layer::Normals).into()),
-            (PngLayer::Ids, _) => return Err(RenderFault::NoLayer(Layer::Ids).into()),
+            (layer, _) => {
+                let layer = match layer {
+                    PngLayer::Depth => "depth",
+                    PngLayer::Normals => "normals",
+                    _ => "numbers of boxes",
+                };
+                return Err(usage!("the picture was made without {layer}; ask for it").into());
+            }
         };
         written.map_err(|cause| RenderError::from(RenderFault::Write { path: self.path.clone(), cause }))
     }

@@ -109,7 +109,7 @@ pub use camera::{Camera, NamedView, Projection, ViewPoint};
 pub use caster::{Hits, RayCaster, SurfacePoint};
 pub use choices::{Samples, Shading, Smoothing};
 pub use error::RenderError;
-pub(crate) use error::{CameraFault, Layer, RenderFault};
+pub(crate) use error::RenderFault;
 pub use image::Image;
 pub use space::GridSpace;
 #[cfg(feature = "python")]

@@ -1,10 +1,10 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
 use crate::cpu::{Form, Kernel, Lanes};
+use crate::fault::{Fault, unfit};
 use crate::format::cell::{CORNERS, Plane};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
-use crate::render::RenderFault;
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
@@ -24,6 +24,12 @@ pub struct GridSpace {
     spacing_mm: [f64; 3],
     /// Distances of neighbouring voxels in the box frame: the model's own, wherever it is placed.
     frame_mm: [f64; 3],
+}
+
+fn flat() -> Fault {
+    unfit!(
+        "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation"
+    )
 }
 
 impl GridSpace {
@@ -46,7 +52,7 @@ impl GridSpace {
 
     fn of(dims: Dims, affine: &Affine, frame_mm: [f64; 3]) -> Result<Self, RenderError> {
         let spacing_mm = affine.spacing_mm();
-        let mut world_to_grid = affine.inverse().ok_or(RenderError::from(RenderFault::SingularAffine))?;
+        let mut world_to_grid = affine.inverse().ok_or_else(flat)?;
         // A voxel's centre is an integer index and the middle of its grid cell.
         for row in &mut world_to_grid.rows {
             row[3] += 0.5;
@@ -56,8 +62,7 @@ impl GridSpace {
         for (row, corner) in grid_to_world.rows.iter_mut().zip(corner) {
             row[3] = corner;
         }
-        let normal_rows =
-            affine.normal_rows(frame_mm).ok_or(RenderError::from(RenderFault::SingularAffine))?;
+        let normal_rows = affine.normal_rows(frame_mm).ok_or_else(flat)?;
         Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm, frame_mm })
     }
 
@@ -412,6 +417,6 @@ mod tests {
         let dims = Dims::new(2, 2, 2).unwrap();
         let flat = Affine { rows: [[1.0, 1.0, 0.0, 0.0], [0.0, 1e-12, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
         let refused = GridSpace::new(dims, &flat).unwrap_err();
-        assert!(matches!(refused.fault(), RenderFault::SingularAffine), "{refused}");
+        assert!(refused.to_string().contains("(nearly) parallel"), "{refused}");
     }
 }

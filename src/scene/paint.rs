@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::cpu::Form;
+use crate::fault::usage;
 use crate::geom::dot;
 use crate::load::NodeView;
 use crate::render::ambient::Sky;
@@ -28,6 +29,8 @@ use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
 use crate::render::traverse::Trace;
 use crate::render::{Camera, RenderError, RenderFault, Samples, Shading, Smoothing, add_counts};
+
+use crate::text::names::{SURFACE, TRAVERSAL};
 
 use super::band::Band;
 use super::body::{Body, Met, Part, Purpose};
@@ -290,7 +293,7 @@ pub(crate) fn paint_parts(
     take: Taker<'_>,
 ) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
     check_size(look.width, look.height)?;
-    Form::chosen().map_err(RenderFault::Form)?;
+    Form::chosen().map_err(|sentence| usage!("{sentence}"))?;
     let pool = pool(look.threads)?;
     if let Some(section) = look.section {
         return pool.install(|| section::slice(parts, look, section, watch, take));
@@ -371,10 +374,10 @@ impl<'a> Painter<'a> {
         let is_whole = |body: &Body<'_>| body.part.clip().is_empty() && !body.part.is_dimmed();
         let is_discrete = look.traversal == Traversal::Discrete;
         if is_discrete && world.bodies.iter().any(|body| body.part.view().cells().is_some()) {
-            return Err(RenderFault::DiscreteCells.into());
+            return Err(usage!("discrete rays meet voxels, and this model has cells with a surface within; leave {TRAVERSAL} exact, or build it with {SURFACE} skin").into());
         }
         if is_discrete && !(look.near_mm == 0.0 && world.bodies.iter().all(is_whole)) {
-            return Err(RenderFault::DiscreteCut.into());
+            return Err(usage!("discrete rays meet the voxels of whole models, and this one is cut or lacks some labels; leave {TRAVERSAL} exact").into());
         }
         let (width, height) = (look.width, look.height);
         let places = u32::from(PLACES.to_le_bytes()[0]);
