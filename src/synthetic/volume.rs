@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use super::body::{Body, TrueSurface};
-use super::math::{FAR, Vector, noise, share_below};
+use super::math::{FAR, Vector, minus, noise, share_below};
 use super::spec::{Sampling, Spec};
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, Dims, dot};
 use crate::volume::{
     ImageKind, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
@@ -30,6 +30,8 @@ pub struct AnalyticVolume {
     unit_mm: f64,
     /// Heights above the middle of a slice that it averages, in units.
     heights: Vec<f64>,
+    /// Balls of air in the body: middles and radii in units.
+    pores: Vec<(Vector, f64)>,
 }
 
 /// Places averaged for each unit of a slab's thickness, with a blur and for a sharp edge: with a blur of 0.8 the rule
@@ -78,7 +80,13 @@ impl AnalyticVolume {
             },
             notes: Vec::new(),
         };
-        Self { info, body, sampling, spacing, unit_mm: x.min(y).min(z), heights }
+        Self { info, body, sampling, spacing, unit_mm: x.min(y).min(z), heights, pores: Vec::new() }
+    }
+
+    /// The same body with balls of air in its samples: their middles, as [`Self::place_of`] gives them, and radii in units.
+    /// The body stays whole.
+    pub(crate) fn with_pores(self, pores: Vec<(Vector, f64)>) -> Self {
+        Self { pores, ..self }
     }
 
     /// The body.
@@ -110,7 +118,7 @@ impl AnalyticVolume {
     fn density(&self, at: [u32; 3]) -> f64 {
         let [x, y, z] = self.place(at);
         if self.sampling.binary {
-            return f64::from(u8::from(self.body.contains([x, y, z])));
+            return f64::from(u8::from(self.distance_near([x, y, z], 0.0) <= 0.0));
         }
         let sum: f64 = self.heights.iter().map(|height| self.density_at([x, y, z + height])).sum();
         #[expect(clippy::cast_precision_loss, reason = "at most 256")]
@@ -119,12 +127,20 @@ impl AnalyticVolume {
     }
 
     #[inline]
+    fn distance_near(&self, place: Vector, reach: f64) -> f64 {
+        let from = |middle: Vector| -> Vector { minus(place, middle) };
+        let pores =
+            self.pores.iter().map(|(middle, radius)| radius - dot(from(*middle), from(*middle)).sqrt());
+        pores.fold(self.body.distance_near(place, reach), f64::max)
+    }
+
+    #[inline]
     fn density_at(&self, place: Vector) -> f64 {
         if let Some(signal) = self.body.signal(place) {
             return signal;
         }
         let psf = self.sampling.psf;
-        let distance = self.body.distance_near(place, FAR * psf);
+        let distance = self.distance_near(place, FAR * psf);
         if psf > 0.0 { share_below(-distance / psf) } else { f64::from(u8::from(distance <= 0.0)) }
     }
 

@@ -102,6 +102,35 @@ fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
     assert_eq!((&voxels["depth_max_voxels"], &voxels["wrong_pixels_percent"]), (&0.0.into(), &0.0.into()));
 }
 
+/// On a ball the measurements keep to the targets of docs/MEASURING.md; noise costs accuracy, and finds no pore that is
+/// not there.
+#[test]
+fn measurements_are_as_close_to_the_truth_as_they_are_said_to_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let [exact, noisy] = ["sphere@64", "sphere@64?noise=0.025"]
+        .map(|subject| run(&folder.path().join(subject), &[subject, "slab@32"], "2"));
+    let error = |report: &Value, choice: &str, key: &str| {
+        row(report, "measures", choice)["errors"][key].as_f64().unwrap_or_else(|| panic!("{choice} {key}"))
+    };
+    // The targets of balls are those of walls: within a sphere a tilted normal makes them smaller by voxels.
+    for (choice, rms) in [("deviation", 0.012), ("thickness by ray", 0.035)] {
+        let [good, bad] = [&exact, &noisy].map(|report| error(report, choice, "depth_rms_voxels"));
+        assert!(good <= rms && good < bad, "{choice}: {good} {bad}");
+    }
+    for report in [&exact, &noisy] {
+        assert_eq!(error(report, "deviation", "wrong_sides_percent"), 0.0);
+        for choice in ["thickness by ray", "thickness by ball", "pores (16)"] {
+            assert_eq!(error(report, choice, "missed_percent"), 0.0, "{choice}");
+        }
+        assert!(error(report, "pores (16)", "volume_error_percent") <= 4.0);
+        assert!(row(report, "measures", "deviation")["costs"]["ns_per_point"].as_f64().unwrap() > 0.0);
+        // The plate goes on beyond its volume: nothing of it is closed.
+        let measures = report["experiments"].as_array().unwrap().iter().find(|e| e["id"] == "measures");
+        let rows = measures.unwrap()["rows"].as_array().unwrap();
+        assert!(rows.len() == 4 && rows.iter().all(|row| row["subject"] != "slab@32"), "{rows:?}");
+    }
+}
+
 #[test]
 fn a_model_is_held_against_its_full_frame() {
     let folder = tempfile::tempdir().unwrap();

@@ -81,6 +81,9 @@ impl Bench<'_> {
             &options,
             body.as_ref().filter(|b| b.body().is_smooth()),
         )?);
+        if let Some(body) = body.as_ref().filter(|b| b.body().is_smooth() && b.body().is_closed()) {
+            found.push(self.measures(subject, &options, body)?);
+        }
         found.push(self.traversals(subject, &usual.model)?);
         found.push(self.frames(subject, &usual.model)?);
         found.push(self.sights(subject, &*source, &options, &usual.model, usual.costs)?);
@@ -123,6 +126,7 @@ impl Bench<'_> {
             file_bytes: Some(last.file_bytes),
             boxes: None,
             spread_percent: Some(times.spread_percent()),
+            ns_per_point: None,
         };
         // The name is free again: the open file is what is looked at.
         let model = Model::open(&path)?;

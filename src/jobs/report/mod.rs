@@ -12,6 +12,7 @@
 //! | `pictures` | traversals, samplings and shadings, a table of each |
 //! | `sight` | models without what cannot be seen |
 //! | `bound` | larger leaves within a bound |
+//! | `measures` | deviations, thicknesses and pores against the truth |
 //! | `overview` | the first figure: a few settings, error against time, and a verdict |
 //! | `machine` | facts of the machine |
 //! | `page`, `plot`, `table` | the HTML page, its drawings, and tables for other pages |
@@ -21,6 +22,7 @@
 mod bound;
 mod experiments;
 mod machine;
+mod measures;
 mod overview;
 mod page;
 mod pictures;

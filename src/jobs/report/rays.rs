@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::rows::{Errors, Metric, Times};
+use super::rows::{Errors, Metric, Times, p99};
 use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
@@ -247,19 +247,7 @@ struct Found {
 impl Found {
     #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
     fn errors(mut self) -> Errors {
-        let mut errors = Errors::default();
-        let p99 = |sorted: &[f64]| sorted.get(sorted.len() * 99 / 100).copied();
-        if !self.distances.is_empty() {
-            let count = self.distances.len() as f64;
-            let squares: f64 = self.distances.iter().map(|d| d * d).sum();
-            self.distances.sort_by(f64::total_cmp);
-            errors = errors.with(Metric::DepthRms, (squares / count).sqrt());
-            for (metric, value) in
-                [(Metric::DepthP99, p99(&self.distances)), (Metric::DepthMax, self.distances.last().copied())]
-            {
-                errors = value.map_or(errors, |v| errors.with(metric, v));
-            }
-        }
+        let mut errors = Errors::of_distances(&mut self.distances);
         if self.reference > 0 {
             errors = errors.with(Metric::WrongPixels, 100.0 * self.wrong as f64 / self.reference as f64);
         }

@@ -33,7 +33,7 @@ const HALVINGS: usize = 40;
 
 /// The thickness at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum Thickness {
+pub(in crate::jobs) enum Thickness {
     /// None: the ray meets no other side.
     #[default]
     None,
@@ -45,17 +45,17 @@ pub(super) enum Thickness {
 
 /// Method, limit and surface of a measurement.
 #[derive(Clone, Copy)]
-pub(super) struct Gauge<'a> {
-    pub(super) surface: Surface<'a>,
-    pub(super) by: Method,
-    pub(super) max_mm: f64,
+pub(in crate::jobs) struct Gauge<'a> {
+    pub(in crate::jobs) surface: Surface<'a>,
+    pub(in crate::jobs) by: Method,
+    pub(in crate::jobs) max_mm: f64,
     /// Noise of the model, if it was measured.
-    pub(super) noise: Option<Uncertainty<'a>>,
+    pub(in crate::jobs) noise: Option<Uncertainty<'a>>,
 }
 
 impl<'a> Gauge<'a> {
     /// The thickness below the surface in a cell, at its place.
-    pub(super) fn measure(&self, search: &mut Search<'a>, cell: u64, place: &Sample) -> Thickness {
+    pub(in crate::jobs) fn measure(&self, search: &mut Search<'a>, cell: u64, place: &Sample) -> Thickness {
         match (self.ray(place), self.by) {
             (None, _) => Thickness::None,
             (Some(length), Method::Ray) if length > self.max_mm => Thickness::Thicker,

@@ -29,7 +29,7 @@ use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
 
-use gauge::{Gauge, Thickness};
+pub(super) use gauge::{Gauge, Thickness};
 pub use report::{Spread, ThicknessReport, Thin, ThinPlace};
 
 /// Default limit of a ball: this part of the volume's shortest side, and at most so many voxels. A ball's cost rises
