@@ -151,7 +151,7 @@ pub fn export(
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     refuse_input(input, output)?;
-    if !request.labels.is_empty() && !(request.form.has_triangles() || request.form.is_mask()) {
+    if !(request.labels.is_empty() || request.form.has_triangles() || request.form.is_mask()) {
         let fault = usage!(
             "is of the form {}, which holds all labels; some alone are written as triangles or as a mask ({FORM})",
             request.form.name()
