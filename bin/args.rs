@@ -113,7 +113,7 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Is the report asked for as JSON?
+    /// True if the report is asked for as JSON.
     pub(crate) fn json(&self) -> bool {
         match self {
             Self::Build(args) => args.build.json,
@@ -293,7 +293,7 @@ pub(crate) struct ManArgs {
     pub(crate) folder: PathBuf,
 }
 
-/// What is only looked at.
+/// A model that is only read.
 #[derive(Debug, Args)]
 pub(crate) struct ModelArgs {
     /// The model; - for standard input

@@ -1,4 +1,4 @@
-//! What stands below the help of each command: two things to do with it, as they would be typed.
+//! Two examples below the help of each command, as they would be typed.
 
 pub(crate) const BUILD: &str = "Examples:
   oct build ct-series/ -o head.oct --preset bone

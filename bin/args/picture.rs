@@ -184,7 +184,7 @@ pub(crate) struct ThumbnailArgs {
     pub(crate) json: bool,
 }
 
-/// Which labels of a model are meant.
+/// Choice of labels.
 #[derive(Debug, Args)]
 pub(crate) struct LabelArgs {
     /// Only these labels, by number, range or name, such as 5,7..20,liver; the others are left out

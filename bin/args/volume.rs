@@ -225,7 +225,7 @@ pub(crate) struct DemoArgs {
     pub(crate) quiet: bool,
 }
 
-/// What is inside.
+/// Selection of the inside.
 #[derive(Debug, Args)]
 pub(crate) struct SelectionArgs {
     /// Inside are values of V and more, in physical units (HU for CT)
@@ -255,7 +255,7 @@ impl SelectionArgs {
     }
 }
 
-/// Which voxels are kept, and what is stored of them.
+/// Surface of the model, and channels of its voxels.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
     /// Surface of the model: cells between samples (for meshes and trees: voxel centres) with a plane in each, true
@@ -312,7 +312,7 @@ impl SkinArgs {
     }
 }
 
-/// What is left to choose where folders hold several volumes, or series have gaps.
+/// Choice among the volumes of folders, and gaps of series.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Folders and series")]
 pub(crate) struct WhichArgs {
@@ -328,7 +328,7 @@ pub(crate) struct WhichArgs {
     pub(crate) links: LinkArgs,
 }
 
-/// What becomes of symbolic links.
+/// Treatment of symbolic links.
 #[derive(Debug, Args)]
 pub(crate) struct LinkArgs {
     /// Search linked folders; also follow links out of a folder to data that a header or a side-car names
@@ -336,7 +336,7 @@ pub(crate) struct LinkArgs {
     pub(crate) follow_links: bool,
 }
 
-/// What is searched, and what is taken of it.
+/// Folders to search, and the choice of their volumes.
 #[derive(Debug, Args)]
 pub(crate) struct SearchArgs {
     #[command(flatten)]
@@ -347,7 +347,7 @@ pub(crate) struct SearchArgs {
     pub(crate) all_volumes: bool,
 }
 
-/// What becomes of series with gaps.
+/// Treatment of series with gaps.
 #[derive(Debug, Args)]
 pub(crate) struct GapArgs {
     /// If slices are missing or uneven: refuse, interpolate from their neighbours, or treat them as evenly spaced
@@ -355,7 +355,7 @@ pub(crate) struct GapArgs {
     pub(crate) gaps: GapPolicy,
 }
 
-/// What is done to the volume before it is built, in the order of these options.
+/// Cleaning of the volume before it is built, in the order of these options.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Cleaning (in this order, whatever the order given)")]
 pub(crate) struct CleanArgs {
@@ -613,7 +613,7 @@ impl MeshArgs {
 /// Heading of the options that serve raw volumes and others alike.
 const PLACE: &str = "Spacing and directions";
 
-/// What a headerless volume cannot say of itself.
+/// Geometry and samples of a headerless volume.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Raw volumes only")]
 pub(crate) struct RawArgs {

@@ -114,7 +114,7 @@ struct Around<'s> {
     solid: &'s CsgSolid<'s>,
     steps: &'s [Step],
     samplers: &'s [Sampler<'s>],
-    /// Of many balls joined into one body, those that contain no other.
+    /// The balls of a large union that contain no other ball.
     innermost: Option<&'s [Step]>,
 }
 
@@ -553,7 +553,7 @@ fn left_around<'p>(
     }
 }
 
-/// Of many balls joined into one body next to a brick's slice, those that contain no other; `None` where they are few,
+/// The balls of a large union next to a brick's slice that contain no other ball; `None` where they are few,
 /// or nearly all would be left.
 fn innermost<'p>(
     steps: &'p [Step],

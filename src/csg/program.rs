@@ -132,7 +132,7 @@ impl Lead {
 /// Writes the rest of a program where leaves have these covers; nothing, if all is in or out. `None` where the list has
 /// no room: the program itself has the same result then.
 ///
-/// Of leaves that are joined alike, those within another one are left out: they change neither the voxels that are
+/// Leaves within another leaf of the same union are left out: they change neither the voxels that are
 /// inside nor the place where an edge first comes inside.
 pub(super) fn prune(
     program: &[Step],

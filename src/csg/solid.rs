@@ -56,7 +56,7 @@ pub(super) enum Keep {
     All,
     /// Leaves that decide which voxels are inside, and where edges are crossed.
     Outermost,
-    /// Of leaves joined into one body, those that contain no other.
+    /// The leaves of a union that contain no other leaf.
     Innermost,
 }
 

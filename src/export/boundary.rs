@@ -1,4 +1,4 @@
-//! Whether triangles that pass by are closed surfaces.
+//! Closedness of surfaces, counted while their triangles are written.
 
 use std::cmp::Ordering;
 use std::io;

@@ -317,7 +317,7 @@ impl Exporter<'_> {
         self.triangles.is_some() || self.error_mm.is_some()
     }
 
-    /// What makes triangles fewer.
+    /// The reducer of triangles.
     fn fewer<'p>(&self, progress: &'p dyn Progress) -> Whole<'p> {
         let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
         Whole::new(goal, self.voxel_mm(), progress)

@@ -28,7 +28,7 @@ pub(crate) struct Distribution {
 }
 
 impl Distribution {
-    /// Of values up to `extent` in size, on a model whose finest spacing is given in mm.
+    /// A distribution of values up to `extent` in size, on a model whose finest spacing is given in mm.
     pub(crate) fn new(extent: f64, finest: f64) -> Self {
         Self {
             bin: extent / (BINS - 1) as f64,

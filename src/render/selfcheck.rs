@@ -245,7 +245,7 @@ fn number_of(view: &ModelView<'_>, cell: [u32; 3]) -> Option<BoxIndex> {
     })
 }
 
-/// Is the hit's t the time at which the quantised ray is at the entered face, to 2^-16 cell?
+/// True if the hit's t is the time at which the quantised ray is at the entered face, to 2^-16 cell.
 fn lies_on_face(ray: &Ray, hit: &Hit) -> bool {
     let per_t = ray.t_after(1, 1) - ray.t_start();
     let units = (hit.t - ray.t_start()) / per_t;

@@ -1,4 +1,4 @@
-//! What rays find, by definition. Pictures are made by [`super::tile`], [`super::single`] and [`super::batch`], which are held
+//! Hits of rays, by definition. Pictures are made by [`super::tile`], [`super::single`] and [`super::batch`], which are held
 //! to [`super::reference`].
 //!
 //! Cells are half-open in the direction of travel, so a ray is in exactly one cell at any time; the first

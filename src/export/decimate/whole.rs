@@ -438,7 +438,7 @@ impl Reducer<'_> {
         Ok(Some(surface))
     }
 
-    /// Which parts of the fine surface another one lacks.
+    /// For each part of the fine surface, true if `surface` lacks it.
     fn is_gone(&self, surface: &Surface) -> Vec<bool> {
         let mut is_gone = vec![true; self.anchors.len()];
         for [corner, ..] in &surface.faces {

@@ -46,7 +46,7 @@ pub(crate) struct LabelMesh {
     /// Labels that are wanted, and the part of each.
     labels: Vec<Label>,
     part_of: Vec<usize>,
-    /// What became of the fine triangles, where there is one label, and they were made fewer.
+    /// The reduction, for a single label with fewer triangles.
     made: Exported,
     /// True if vertices have normals: where walls are smooth.
     normals: bool,

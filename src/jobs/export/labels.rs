@@ -173,7 +173,7 @@ fn mesh(
     Ok(mesh)
 }
 
-/// Which labels of a model are written.
+/// For each label of a model, true if it is written.
 pub(super) fn wanted<D: AsRef<[u8]>>(
     model: &Model<D>,
     path: &Path,

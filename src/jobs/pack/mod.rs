@@ -197,7 +197,7 @@ mod tests {
         assemble(&plain_metadata(dims, channels), &voxels, channels)
     }
 
-    /// Of what is read, a part may be of one model and a part of another, whatever the checksums say.
+    /// Parts read from two models can pass every checksum.
     #[test]
     fn nothing_is_made_of_a_model_that_is_overwritten_meanwhile() {
         let folder = tempfile::tempdir().unwrap();

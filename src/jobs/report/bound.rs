@@ -1,4 +1,4 @@
-//! What a bound of larger leaves (`--error`) gives away, and what it saves.
+//! Errors and savings of larger leaves within a bound (`--error`).
 
 use super::experiments::{Bench, Reference};
 use super::rays;

@@ -1,4 +1,4 @@
-//! What is tried: on a body with a known surface, on any volume, on a finished model.
+//! The experiments: on a body with a known surface, on any volume, on a finished model.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 /// Coarsest boxes that are shown: edges of 2^4 voxels.
 const COARSEST: u32 = 4;
 
-/// What rays are held against.
+/// The reference of rays.
 pub(super) enum Reference<'a> {
     Body(&'a AnalyticVolume),
     Frame(&'a [Option<Met>]),
@@ -93,7 +93,7 @@ impl Bench<'_> {
         Ok(found)
     }
 
-    /// What can be known of a finished model without the truth.
+    /// The experiments on a finished model, which need no true surface.
     pub(super) fn of_model(
         &self,
         model: &Model<impl AsRef<[u8]> + Sync>,

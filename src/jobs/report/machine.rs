@@ -1,4 +1,4 @@
-//! What times and memory were measured on.
+//! The machine that times and memory were measured on.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -50,7 +50,7 @@ use crate::jobs::opened::open_model;
 use crate::synthetic;
 use crate::text::shown;
 
-/// What is to be reported.
+/// Subjects and settings of a report.
 #[derive(Clone, Debug)]
 pub struct ReportRequest {
     /// A finished model.

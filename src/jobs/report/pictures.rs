@@ -1,4 +1,4 @@
-//! What a picture may be made by: traversals, samplings of a frame, shadings. A choice more is an entry of a table.
+//! Traversals, samplings of a frame and shadings of pictures. One choice more is one entry of a table.
 
 use std::convert::Infallible;
 use std::time::Instant;

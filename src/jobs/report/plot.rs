@@ -9,7 +9,7 @@ pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,
     pub(super) label: String,
-    /// Is it what the program does if nothing is said?
+    /// True for the default choice.
     pub(super) usual: bool,
     pub(super) on_front: bool,
 }
@@ -165,7 +165,7 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
     );
     // Where labels stand already: from, to, and how high.
     let mut taken: Vec<[f64; 3]> = Vec::new();
-    // Of many series only what is on a front, or usual, is named.
+    // With many series only points on a front, and defaults, are named.
     let is_crowded = series.len() > 3;
     for (i, series) in series.iter().enumerate() {
         let colour = i % COLOURS;

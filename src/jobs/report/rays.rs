@@ -29,7 +29,7 @@ const AWAY: f64 = 4.8;
 /// A line of sight in the world: where it begins, and its direction.
 pub(super) type Line = ([f64; 3], [f64; 3]);
 
-/// What a ray met.
+/// A hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Met {
     /// Distance along the line, in lengths of its direction.
@@ -38,11 +38,11 @@ pub(super) struct Met {
     pub(super) normal: Option<[f64; 3]>,
     /// The voxel or cell, or the first of a box of several.
     pub(super) voxel: [u32; 3],
-    /// Is it in the outermost voxels, where the volume ends and not the body?
+    /// True in the outermost voxels, where the volume ends and the body may not.
     pub(super) at_border: bool,
 }
 
-/// Does a box of cells touch the faces of the volume?
+/// True if a box of cells touches a face of the volume.
 fn at_border(cell: [u32; 3], edge: u32, dims: Dims) -> bool {
     cell.iter().zip(dims.to_array()).any(|(c, n)| *c == 0 || c + edge >= n)
 }
@@ -185,7 +185,7 @@ pub(super) fn against_body(
             let farthest = 10.0 * dot(from, from).sqrt() + 1e4;
             body.body().cast(from, direction.map(|d| d / length), farthest).is_some()
         });
-        // Of what goes on beyond the volume, its faces are not the surface.
+        // Where a body goes on beyond the volume, the volume's faces are not its surface.
         let off = met.filter(|met| closed || !met.at_border).map(|met| {
             let truth = body.surface_at(met.point);
             (truth.distance.abs(), met.normal.map(|n| angle_deg(n, truth.normal)))
@@ -232,7 +232,7 @@ pub(super) fn against_frame(
     found.errors()
 }
 
-/// What is collected over rays, in their order.
+/// Errors collected over rays, in their order.
 #[derive(Default)]
 struct Found {
     distances: Vec<f64>,

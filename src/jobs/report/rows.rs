@@ -1,4 +1,4 @@
-//! What is measured, as values: experiments of rows with costs and errors.
+//! Measurements as values: experiments of rows with costs and errors.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ pub struct Experiment {
 #[serde(into = "[&'static str; 2]")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Drawn {
-    /// Which of `Costs::NAMES` is drawn from left to right.
+    /// The cost on the horizontal axis, by its place in `Costs::NAMES`.
     pub cost: usize,
     /// The error that is drawn upwards.
     pub metric: Metric,
@@ -65,7 +65,7 @@ pub struct Row {
     pub errors: Errors,
 }
 
-/// What a choice takes; what was not measured is `None`.
+/// Costs of a choice; `None` where one was not measured.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[serde(into = "BTreeMap<&'static str, f64>")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -279,7 +279,7 @@ impl Errors {
         self
     }
 
-    /// Those of normals alone.
+    /// The errors of normals alone.
     pub(super) fn only_normals(&self) -> Self {
         [Metric::NormalMean, Metric::NormalP99]
             .into_iter()

@@ -1,4 +1,4 @@
-//! What a model saves that is looked at from some sides only, and what changes for them.
+//! Savings of models that keep only what some views see, and the changes in those views.
 
 use super::experiments::Bench;
 use super::rays::{self, Line};

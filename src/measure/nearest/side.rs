@@ -78,7 +78,7 @@ impl Surface<'_> {
         is_within.then(|| cell.map(|c| c as u32))
     }
 
-    /// Is a point of a cell, or of a larger leaf, behind the surface in it?
+    /// True if a point of a cell, or of a larger leaf, is behind the surface in it.
     pub(super) fn is_behind(&self, place: Place, point: [f64; 3]) -> bool {
         if place.level == 0
             && let CellShape::Corners(corners) = self.cells.shape(self.cell(place.number))
@@ -95,7 +95,7 @@ impl Surface<'_> {
         is_behind
     }
 
-    /// Whether the side towards an empty cell of the first cell from there along an axis lies behind its surface; `None`
+    /// True if the side towards an empty cell of the first cell from there along an axis lies behind its surface; `None`
     /// if there is no cell in the box. The nearer half of a box goes first.
     fn first_along(&self, place: Place, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
         if place.level == 0 || self.is_leaf(place) {
@@ -113,7 +113,8 @@ impl Surface<'_> {
         })
     }
 
-    /// Do the four corners of a cell that face a point lie behind its surface? A larger leaf's cell next to its side.
+    /// True if the four corners of a cell that face a point lie behind its surface; a larger leaf counts by its cell next
+    /// to that side.
     fn covers(&self, place: Place, from: [u32; 3], axis: usize, up: bool) -> bool {
         let mut facing = (0..CORNERS).filter(|corner| (corner >> axis & 1 == 1) != up);
         if place.level > 0 {

@@ -178,7 +178,7 @@ impl<'a> Search<'a> {
         self.way.go(&self.surface, cell, 0)
     }
 
-    /// Whether a point is behind the surface of the cell, or larger leaf, that it lies in; `None` where that is empty.
+    /// True if a point is behind the surface of the cell, or larger leaf, that it lies in; `None` where that is empty.
     pub(super) fn behind_own(&mut self, cell: [u32; 3], point: [f64; 3]) -> Option<bool> {
         if self.has_bricks() {
             let Self { surface, way, bricks, .. } = self;
