@@ -91,10 +91,10 @@ pub struct Opacity<'a> {
 }
 
 impl<'a> Opacity<'a> {
-    /// As [`parts`].
+    /// Opacities of the labels of `table` by rules, of which the last one counts for each label.
     ///
     /// # Errors
-    /// As [`parts`].
+    /// The choice of a rule that matches no label.
     pub fn of<'r>(
         rules: &'r [LabelRule],
         labels: LabelItems<'a>,
