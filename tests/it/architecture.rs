@@ -36,7 +36,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("mesh", "budget builder codec cpu fault format geom identity scratch source text volume"),
     ("csg", "budget builder fault format geom identity mesh progress scratch source text volume"),
     ("load", "budget cpu exit format geom text"),
-    ("render", "atomic budget cpu exit format geom load mark text"),
+    ("render", "atomic budget cpu exit fault format geom load mark text"),
     ("scene", "cpu exit fault format geom load render text"),
     ("enclosed", "format geom load"),
     ("measure", "atomic cpu fault format geom load text"),

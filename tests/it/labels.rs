@@ -178,7 +178,7 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
     let mesh = folder.path().join("m.ply");
     let run = oct(&["export", path.to_str().unwrap(), "-o", mesh.to_str().unwrap(), "--error", "0.1"]);
-    run.refused(2, &["has labels, and cannot be simplified"]);
+    run.refused(2, &["has several labels, which become fewer triangles one at a time; name one with --only"]);
     assert!(!mesh.exists());
     let page = folder.path().join("m.html");
     assert_eq!(oct(&["export", named.to_str().unwrap(), "-o", page.to_str().unwrap()]).code, 0);

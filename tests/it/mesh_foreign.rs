@@ -347,9 +347,10 @@ fn transforms_of_gltf_are_read_as_they_are_meant_or_refused() {
     let small = Body::octahedron([15.0, 16.5, 14.25], 3.5);
     let build = |node: Value| {
         let mut described = description(&small);
-        for (name, value) in node.as_object().unwrap() {
-            described["nodes"][0][name] = value.clone();
-        }
+        // Above the node that turns the body upright.
+        let upright = described["nodes"][0].clone();
+        described["nodes"] = json!([node, upright]);
+        described["nodes"][0]["children"] = json!([1]);
         build_on(folder.path(), "a.glb", &glb(&described, &buffer(&small)), exact_grid([40; 3]))
     };
     let same = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
@@ -357,10 +358,9 @@ fn transforms_of_gltf_are_read_as_they_are_meant_or_refused() {
     projective[3] = 1;
     let unmoved = build(json!({})).unwrap().0;
     assert!(build(json!({"matrix": same})).unwrap().0 == unmoved);
-    // A turn by half a circle around y, with a length that quantisation explains, and one that is far off.
-    let turned = build(json!({"rotation": [0, 1, 0, 0], "translation": [20, 0, 20]})).map(|built| built.0);
-    let quantised =
-        build(json!({"rotation": [0, 1.02, 0, 0], "translation": [20, 0, 20]})).map(|built| built.0);
+    // A small turn around y, and the same with a length that quantisation explains.
+    let turned = build(json!({"rotation": [0, 0.01, 0, 0.99995]})).unwrap().0;
+    let quantised = build(json!({"rotation": [0, 0.0102, 0, 1.019_949]})).unwrap().0;
     assert!(turned == quantised);
     for (node, sentence) in [
         (json!({"rotation": [0, 0, 0, 0]}), "quaternion of length 0.000"),
