@@ -85,7 +85,7 @@ pub(crate) fn open_unprepared_in(
     Ok(volume)
 }
 
-/// The volume to open among those of the inputs.
+/// The volume to open among the volumes of the inputs.
 fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {

@@ -45,7 +45,7 @@ pub(super) struct Section {
     planes: u8,
 }
 
-/// Most labels of a page: a label is a byte there, its index in the table from 1 on; 0 is none.
+/// Most labels of a page: a label is a byte there, its index in the table from 1 on; 0 stands for no label.
 pub(crate) const MAX_LABELS: usize = 255;
 
 /// Bytes of the item of a cell that one plane does not part, in the page's form, a texel: the labels of its corners,

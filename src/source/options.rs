@@ -22,7 +22,7 @@ pub struct OpenOptions {
     pub index: Vec<(String, u64)>,
     /// Folder of the results (canonical), which is not searched.
     pub skip: Option<PathBuf>,
-    /// Spacing and directions that replace those of the files; [`OpenOptions::raw`] has a placement of its own.
+    /// Spacing and directions in place of the files' own; [`OpenOptions::raw`] has a placement of its own.
     pub placement: Placement,
     /// Memory for putting the images of one series in order; `None` for no bound. A small file can hold very many
     /// frames.

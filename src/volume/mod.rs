@@ -135,7 +135,7 @@ impl Rescale {
 pub struct Preparation {
     /// Bytes to be written to an anonymous scratch file; 0 if nothing has to be unrolled.
     pub scratch_bytes: u64,
-    /// Memory in bytes that is held meanwhile, beyond that of the opened source.
+    /// Memory in bytes that is held meanwhile, beyond the opened source's.
     pub memory_bytes: u64,
     /// True if parts are unrolled on demand, when they are read.
     pub on_demand: bool,
@@ -288,7 +288,7 @@ pub trait VolumeSource: Send + Sync {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 
-    /// Memory in bytes per reading thread, beyond that of the opened source.
+    /// Memory in bytes per reading thread, beyond the opened source's.
     fn resident_bytes(&self) -> u64 {
         0
     }

@@ -38,7 +38,7 @@ impl OccupancyId<'_> {
         if self.is_whole { 0..nz } else { share(self.part.number, nz, self.part.cuts.parts) }
     }
 
-    /// Size of the stored slices; `None` if there are none.
+    /// Size of the stored slices; `None` without stored slices.
     pub(crate) fn own_dims(&self) -> Option<Dims> {
         let slices = self.slices();
         Dims::new(self.dims.nx(), self.dims.ny(), slices.end - slices.start)
@@ -179,7 +179,7 @@ impl Occupancy<'_> {
         Ok(())
     }
 
-    /// The bits; `None` if there are none.
+    /// The bits; `None` without stored bits.
     pub(crate) fn into_bits(self) -> Option<BitVolume> {
         let dims = self.id.own_dims()?;
         Some(BitVolume::over(self.file, self.id.folder, dims))

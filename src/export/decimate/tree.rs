@@ -78,7 +78,7 @@ impl Query {
         Self { p, above: near(slack), below: near(-slack) }
     }
 
-    /// A squared distance from a box, no greater than that of the point but for the last bits.
+    /// Squared distance from a box, at most the distance to the points in it but for the last bits.
     #[inline(always)]
     fn square(&self, [low, high]: [Four; 2]) -> f32 {
         let greater = |a: f32, b: f32| if a > b { a } else { b };

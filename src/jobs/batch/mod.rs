@@ -67,7 +67,7 @@ use lock::FolderLock;
 use options::options_fingerprint;
 use record::{Journal, Record};
 
-/// Resident code beyond that of one stage of one job: other jobs are at other stages.
+/// Resident code beyond one stage of one job: other jobs are at other stages.
 const BATCH_CODE: u64 = 1 << 20;
 
 /// Memory for opening a small input and watching a job, for each job.

@@ -256,7 +256,7 @@ impl SolidWorker for ThinWorker<'_> {
         self.mesh.start(column)
     }
 
-    /// The bounds of a bin's triangles are also those of the crossed voxels.
+    /// The bounds of a bin's triangles also bound the crossed voxels.
     fn cover(&mut self, region: &VoxelBox) -> Cover {
         self.mesh.cover(region)
     }

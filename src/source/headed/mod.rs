@@ -114,7 +114,7 @@ fn scale(unit: Option<&str>, notes: &mut Vec<Note>) -> f64 {
     })
 }
 
-/// Affine with axes along those of space, and the place of the first voxel.
+/// Affine with axes along the axes of space, and the place of the first voxel.
 fn upright(spacing: [f64; 3], origin: [f64; 3], scale: f64) -> Affine {
     let mut affine = Affine::from_spacing(spacing.map(|s| s * scale));
     (0..3).for_each(|axis| affine.rows[axis][3] = origin[axis] * scale);

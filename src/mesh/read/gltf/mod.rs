@@ -358,7 +358,7 @@ impl Gltf {
 /// Transform of a node into its parent's space (glTF 2.0, section 3.5.3).
 ///
 /// # Errors
-/// A matrix and parts of one, a matrix that is not affine, or a rotation that is no unit quaternion.
+/// A matrix and parts of one, a matrix that is not affine, or a rotation that is not a unit quaternion.
 fn own_place(node: &Node) -> Result<Affine, Fault> {
     let Some(m) = &node.matrix else { return turned_place(node.translation, node.rotation, node.scale) };
     if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
