@@ -130,7 +130,10 @@ def test_triangles_of_some_labels():
         return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
 
     left, both = model.to_mesh(only=["left"]), model.to_mesh(only=[7, 9])
-    assert volume(left) == pytest.approx((array == 7).sum(), rel=0.02) and volume(both) == pytest.approx((array > 0).sum(), rel=0.02)
+    # A corner of an edge moves by at most half a voxel along each axis: half a square voxel along the edges' length.
+    right = volume(both) - volume(left)
+    assert 0 < (array == 7).sum() - volume(left) < 0.5 * 4 * (7 + 16 + 12)
+    assert 0 < (array == 9).sum() - right < 0.5 * 4 * (8 + 16 + 12)
     assert np.array_equal(left.faces, both.faces[: len(left.faces)]) and len(np.unique(left.vertex_colors, axis=0)) == 1
     assert model.export("left.stl", only="left")["triangles"] == len(left.faces)
     few = model.to_mesh(only=["left"], triangles=60)
