@@ -57,8 +57,8 @@ const fn of_values(flags: &'static [&'static str]) -> Case {
     Case { flags, refused: |_, _| Some("measured values") }
 }
 
-const CASES: [Case; 43] = [
-    works(&["--force"]),
+const CASES: [Case; 35] = [
+    works(&["--force", "--threads", "2", "--color", "#4080ff", "--json", "--output", "other.png"]),
     works(&["--size", "20"]),
     works(&["--view", "left"]),
     works(&["--eye", "90,-80,70", "--look-at", "8,8,8", "--up", "0,0,1"]),
@@ -66,13 +66,10 @@ const CASES: [Case; 43] = [
     works(&["--zoom", "2"]),
     works(&["--clip", "x=..9"]),
     works(&["--background", "#204060"]),
-    works(&["--color", "#4080ff"]),
     of_labels(&["--only", "7"]),
     of_labels(&["--hide", "3"]),
     of_labels(&["--opacity", "3=0.3"]),
-    works(&["--threads", "2"]),
-    works(&["--lod", "on", "--lod-bias", "3"]),
-    works(&["--memory", "200MiB"]),
+    works(&["--lod", "on", "--lod-bias", "3", "--memory", "200MiB"]),
     works(&["--shading", "plain"]),
     works(&["--shading", "soft"]),
     works(&["--shading", "ao"]),
@@ -96,17 +93,12 @@ const CASES: [Case; 43] = [
     works(&["--contact"]),
     works(&["--turntable", "3"]),
     works(&["--section", "z=8"]),
-    works(&["--annotate", "--size", "90x80"]),
-    works(&["--title", "--size", "90x80"]),
+    works(&["--annotate", "--title", "--size", "90x80"]),
     Case {
         flags: &["--legend", "--size", "120x80"],
         refused: |model, way| (model != "labels" && way != "scene").then_some("labels"),
     },
-    works(&["--depth", "d.png"]),
-    works(&["--normals", "n.png"]),
-    works(&["--ids", "i.png"]),
-    works(&["--json"]),
-    works(&["--output", "other.png"]),
+    works(&["--depth", "d.png", "--normals", "n.png", "--ids", "i.png"]),
 ];
 
 /// Flags whose picture must differ from the one without them, of whatever model.

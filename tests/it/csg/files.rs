@@ -194,7 +194,7 @@ fn files_that_a_tree_names_stay_in_its_folder_and_volumes_where_they_lie() {
     assert!(told.contains("none.stl"), "{told}");
     assert!(!folder.join("tree.oct").exists());
     // What has no grid of its own has 512 voxels along its longest side.
-    for text in ["sphere(r = 3);", moved] {
+    for text in ["cube([8, 1, 1]);", moved] {
         let built = convert(&folder, text, &OWN, &options(64, 2)).unwrap();
         let dims = Model::open(&built).unwrap().dims().to_array();
         assert_eq!(dims.into_iter().max(), Some(512), "{text}: {dims:?}");

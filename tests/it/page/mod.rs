@@ -29,7 +29,7 @@ use std::process::{Child, Command, Stdio};
 
 /// Pixels along a side of the pictures that are compared; more where tests are long.
 fn side() -> u32 {
-    if crate::common::long() > 1 { 512 } else { 128 }
+    if crate::common::long() > 1 { 512 } else { 64 }
 }
 
 /// Pixels of a picture that may differ, 30 of 512 x 512: a browser's numbers have 24 bits, ours are exact.
