@@ -1,6 +1,6 @@
 //! The fixed header (SPEC 4.1).
 
-use super::error::FormatError;
+use super::error::{FormatError, damaged};
 use super::kind::SurfaceKind;
 use crate::geom::Dims;
 
@@ -139,22 +139,23 @@ impl Header {
         let major = u16_at(b, AT_MAJOR);
         let (stated, found) = (u32_at(b, AT_HEADER_CRC), crc32c::crc32c(&b[..AT_HEADER_CRC]));
         if stated != found {
-            return Err(FormatError::HeaderChecksum { stated, found });
+            return Err(FormatError::Checksum { of: "the header", stated, found });
         }
         if major != VERSION_MAJOR {
-            return Err(FormatError::UnsupportedVersion { major });
+            return Err(FormatError::Said(format!(
+                "has format version {major}; this program reads version 1: update infobyte"
+            )));
         }
         let code = b[AT_ENCODING];
         if !matches!(code & !PACKED, 0 | CELLS | WITH_LEAVES | WITH_WALLS) {
-            return Err(FormatError::UnknownEncoding { code });
+            return Err(damaged(format_args!("encoding {code} is unknown")));
         }
         let encoding = if code & PACKED == 0 { Encoding::Mapped } else { Encoding::Packed };
         let surface = if code & CELLS == 0 { SurfaceKind::Skin } else { SurfaceKind::Cells };
-        let sides = [0, 4, 8].map(|at| u32_at(b, AT_DIMS + at));
-        let [nx, ny, nz] = sides;
-        let dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: sides })?;
+        let [nx, ny, nz] = [0, 4, 8].map(|at| u32_at(b, AT_DIMS + at));
+        let dims = Dims::new(nx, ny, nz).ok_or_else(|| damaged("dims are outside 1..=65536"))?;
         if u32::from(b[AT_DEPTH]) != dims.depth() {
-            return Err(FormatError::DepthMismatch { stated: b[AT_DEPTH], due: dims.depth() });
+            return Err(damaged("the depth does not belong to the dims"));
         }
         let header = Self {
             minor: u16_at(b, AT_MINOR),
@@ -169,25 +170,26 @@ impl Header {
             dims,
             table_crc: u32_at(b, AT_TABLE_CRC),
         };
-        let reserved = u32_at(b, AT_RESERVED);
-        if reserved != 0 {
-            return Err(FormatError::HeaderReserved { value: reserved });
+        if u32_at(b, AT_RESERVED) != 0 {
+            return Err(damaged("reserved header bytes are not zero"));
         }
         if file_len < header.file_bytes {
             return Err(FormatError::Truncated { expected: header.file_bytes, got: file_len });
         }
         if file_len > header.file_bytes {
-            return Err(FormatError::TrailingBytes { extra: file_len - header.file_bytes });
+            let extra = file_len - header.file_bytes;
+            let sentence = format!("has {extra} bytes after its end; copy or build it again");
+            return Err(FormatError::Said(sentence));
         }
         if (header.voxels == 0 && !header.leaves) || header.voxels > dims.voxels() {
-            return Err(FormatError::VoxelCount { voxels: header.voxels, most: dims.voxels() });
+            return Err(damaged("the number of skin voxels is impossible for the dims"));
         }
         // SPEC I5: every node has a child and every box but the root has one parent.
         // A node without children is a leaf with an item of its own.
         let most =
             if header.leaves { dims.voxels() } else { header.voxels.saturating_mul(u64::from(dims.depth())) };
         if header.nodes > most || (dims.depth() > 0) != (header.nodes > 0) {
-            return Err(FormatError::NodeCount { nodes: header.nodes, most });
+            return Err(damaged("the number of nodes is impossible for the skin voxels"));
         }
         Ok(header)
     }

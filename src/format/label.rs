@@ -1,6 +1,6 @@
 //! The labels of a model: their table (SPEC 4.10), and the labels of each cell, in blocks with palettes (SPEC 4.11, 4.12).
 
-use super::error::FormatError;
+use super::error::{FormatError, damaged};
 use super::metadata::METADATA_LIMIT;
 
 /// Most labels of one model.
@@ -88,7 +88,10 @@ pub(crate) fn table_to_bytes(labels: &[Label]) -> Result<Vec<u8>, FormatError> {
         bytes.extend(label.name.as_bytes());
     }
     if bytes.len() > METADATA_LIMIT {
-        return Err(FormatError::LabelNames { bytes: bytes.len() as u64 });
+        return Err(FormatError::Said(format!(
+            "the table of its labels would take {} bytes, and 1 MiB is all that there is; shorten their names",
+            bytes.len()
+        )));
     }
     Ok(bytes)
 }
@@ -121,7 +124,7 @@ pub(crate) fn parse_table(bytes: &[u8], voxels: u64) -> Result<Vec<Label>, Forma
         }
         rest.is_empty().then_some(labels)
     };
-    table().ok_or(FormatError::LabelTable { bytes: bytes.len() as u64 })
+    table().ok_or_else(|| damaged("the table of labels cannot be read, or is impossible (SPEC I20)"))
 }
 
 /// Bytes of the directory for this many cells.

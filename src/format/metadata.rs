@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::FormatError;
+use super::error::{FormatError, damaged};
 use crate::geom::Dims;
 
 /// Longest metadata section.
@@ -228,11 +228,11 @@ impl Metadata {
         };
         let config = bincode::config::standard().with_little_endian().with_fixed_int_encoding();
         let mut bytes =
-            bincode::serde::encode_to_vec(wire, config).map_err(|_| FormatError::MetadataUnwritable)?;
+            bincode::serde::encode_to_vec(wire, config).map_err(|_| damaged("metadata cannot be written"))?;
         bytes.extend(self.error.into_iter().flat_map(ErrorBound::to_bytes));
         bytes.extend(self.noise.into_iter().flat_map(Noise::to_bytes));
         if bytes.len() > METADATA_LIMIT {
-            return Err(FormatError::MetadataTooLong { bytes: bytes.len() as u64 });
+            return Err(damaged("metadata is longer than 1 MiB"));
         }
         Ok(bytes)
     }
@@ -247,7 +247,7 @@ impl Metadata {
             .with_fixed_int_encoding()
             .with_limit::<METADATA_LIMIT>();
         let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
-            .map_err(|_| FormatError::MetadataUnreadable { bytes: bytes.len() as u64 })?;
+            .map_err(|_| damaged("metadata cannot be read"))?;
         // The records that follow are distinguished by their lengths.
         let rest = bytes.get(used..).unwrap_or_default();
         let (error, left) = match rest.split_first_chunk() {
@@ -256,25 +256,24 @@ impl Metadata {
         };
         let noise = <&[u8; Noise::BYTES]>::try_from(left).ok().map(Noise::parse);
         if noise.is_some_and(|noise| !noise.is_sound()) {
-            return Err(FormatError::MetadataNoise);
+            return Err(damaged("metadata states noise that cannot be"));
         }
         if noise.is_none() && !left.is_empty() {
-            return Err(FormatError::MetadataSurplus { extra: left.len() as u64 });
+            return Err(damaged("metadata has bytes left over"));
         }
         let kind = match wire.selection.0 {
             0 => SelectionKind::Iso,
             1 => SelectionKind::Range,
             2 => SelectionKind::Otsu,
-            code => return Err(FormatError::UnknownSelection { code }),
+            code => return Err(damaged(format_args!("selection kind {code} is unknown"))),
         };
         if wire.scalar > 7 || !matches!(wire.connectivity, 6 | 26) {
-            let (scalar, connectivity) = (wire.scalar, wire.connectivity);
-            return Err(FormatError::MetadataCodes { scalar, connectivity });
+            return Err(damaged("metadata names an unknown sample type or connectivity"));
         }
         let finite =
             wire.affine.iter().flatten().chain(&wire.spacing_mm).chain(&wire.rescale).all(|v| v.is_finite());
         if !finite || wire.spacing_mm.iter().any(|s| *s <= 0.0) {
-            return Err(FormatError::MetadataGeometry { spacing_mm: wire.spacing_mm });
+            return Err(damaged("metadata has a geometry that is not finite and positive"));
         }
         Ok(Self {
             program: wire.program,

@@ -23,6 +23,7 @@ mod walls;
 pub(crate) use channel::number;
 pub use channel::{ChannelRow, Channels, MeanRule, Means, Sum};
 pub use error::FormatError;
+pub(crate) use error::damaged;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC};
 pub(crate) use header::{QUANTITY_MINOR, VERSION_MAJOR, VERSION_MINOR};
 pub use kind::{Channel, SectionKind, SurfaceKind};

@@ -1,6 +1,6 @@
 //! The measured quantity of a model's values (SPEC 4.13), and its coding in `VALU`.
 
-use super::error::FormatError;
+use super::error::{FormatError, damaged};
 
 /// Longest name, unit or sign note, in bytes.
 const MAX_TEXT: u64 = 200;
@@ -62,7 +62,8 @@ impl Quantity {
     /// # Errors
     /// Unknown codes, ranges that are not finite or do not rise, texts that are too long or cut.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self, FormatError> {
-        Self::parsed(bytes).ok_or(FormatError::Quantity { bytes: bytes.len() as u64 })
+        Self::parsed(bytes)
+            .ok_or_else(|| damaged("the quantity of the values cannot be read, or is impossible (SPEC I23)"))
     }
 
     fn parsed(bytes: &[u8]) -> Option<Self> {

@@ -1,6 +1,6 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
-use super::error::FormatError;
+use super::error::{FormatError, damaged};
 use super::header::{HEADER_BYTES, Header};
 use super::kind::{Channel, SectionKind};
 use super::packed::{CODEC_CUBES, CODEC_DERIVED, CODEC_NONE, CODEC_PLANES};
@@ -82,6 +82,11 @@ impl SectionKind {
             Self::LeafOffsets => "leaf_offset",
             Self::LeafRank => "leaf_rank",
         }
+    }
+
+    /// Name of its items, for messages.
+    pub(crate) fn items_name(self) -> &'static str {
+        self.channel().map_or(self.name(), |channel| channel.row().items_name)
     }
 
     /// The codec of its packed section (SPEC 5.1): fixed, so that the same content gives the same bytes.
@@ -168,7 +173,8 @@ impl SectionEntry {
         let tag = [b[0], b[1], b[2], b[3]];
         let reserved = u16::from_le_bytes([b[6], b[7]]);
         if reserved != 0 {
-            return Err(FormatError::TableReserved { section, value: reserved });
+            let fault = "reserved bytes of the section table are not zero";
+            return Err(FormatError::Entry { section, fault });
         }
         Ok(Self {
             kind: SectionKind::from_tag(tag),
@@ -200,7 +206,7 @@ pub fn table_bytes(entries: &[SectionEntry]) -> Vec<u8> {
 /// The first rule that is broken.
 pub(crate) fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, FormatError> {
     if header.sections == 0 || header.sections > MAX_SECTIONS {
-        return Err(FormatError::SectionCount { sections: header.sections });
+        return Err(damaged("the number of sections is outside 1..=64 (SPEC I3)"));
     }
     let len = usize::from(header.sections) * ENTRY_BYTES;
     let Some(table) = bytes.get(HEADER_BYTES..HEADER_BYTES + len) else {
@@ -211,35 +217,35 @@ pub(crate) fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEn
     };
     let (stated, found) = (header.table_crc, crc32c::crc32c(table));
     if stated != found {
-        return Err(FormatError::TableChecksum { stated, found });
+        return Err(FormatError::Checksum { of: "the section table", stated, found });
     }
     let mut entries: Vec<SectionEntry> = Vec::with_capacity(usize::from(header.sections));
     let mut end = (HEADER_BYTES + len) as u64;
     let mut last_kind = None;
     for (section, raw) in (0..).zip(table.as_chunks::<ENTRY_BYTES>().0) {
         let entry = SectionEntry::parse(raw, section)?;
+        let wrong = |fault| Err(FormatError::Entry { section, fault });
         let SectionEntry { item_bytes, stored_bytes, content_bytes, items, .. } = entry;
-        let expected = align_up(end);
-        if entry.offset != expected {
-            return Err(FormatError::SectionGap { section, expected, found: entry.offset });
+        if entry.offset != align_up(end) {
+            return wrong("sections do not follow each other without gaps");
         }
         if items.checked_mul(u64::from(item_bytes)) != Some(content_bytes) {
-            return Err(FormatError::SectionSize { section, item_bytes, items, content_bytes });
+            return wrong("a section's size is not items times bytes per item");
         }
         if entry.codec == 0 && (stored_bytes != content_bytes || entry.stored_crc != entry.content_crc) {
-            return Err(FormatError::SectionNotPlain { section, stored_bytes, content_bytes });
+            return wrong("an uncompressed section differs from its content");
         }
-        if let Some(kind) = entry.kind {
-            if let Some(after) = last_kind.filter(|last| *last >= kind) {
-                return Err(FormatError::SectionOrder { section, kind, after });
+        if entry.kind.is_some() {
+            if last_kind >= entry.kind {
+                return wrong("sections are repeated or out of order");
             }
-            last_kind = Some(kind);
+            last_kind = entry.kind;
         }
         end = entry.end();
         entries.push(entry);
     }
     if end != header.file_bytes {
-        return Err(FormatError::LastSectionEnd { end, file_bytes: header.file_bytes });
+        return Err(damaged("the last section does not end where the file ends"));
     }
     Ok(entries)
 }

@@ -3,7 +3,7 @@
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Header, Label, LabelForm, MAX_SECTIONS,
     METADATA_LIMIT, Metadata, Quantity, SectionEntry, SectionKind, SurfaceKind, WALL_BYTES, align_up, cell,
-    label_directory_bytes, parse_labels, parse_table, rank,
+    damaged, label_directory_bytes, parse_labels, parse_table, rank,
 };
 use crate::geom::{Affine, Dims, Level};
 
@@ -41,7 +41,7 @@ impl Frame {
         source.read_at(&mut head, 0)?;
         let header = Header::parse(&head, len)?;
         if header.sections > MAX_SECTIONS {
-            return Err(FormatError::SectionCount { sections: header.sections }.into());
+            return Err(damaged("the number of sections is outside 1..=64 (SPEC I3)").into());
         }
         let table_end = HEADER_BYTES + usize::from(header.sections) * ENTRY_BYTES;
         if len < table_end as u64 {
@@ -57,11 +57,10 @@ impl Frame {
         if metadata.error.is_some_and(|error| error.is_sound()) != header.leaves
             || metadata.error.is_some() != header.leaves
         {
-            return Err(FormatError::LeavesApart { kind: SectionKind::Meta }.into());
+            return Err(leaves_apart().into());
         }
         if metadata.dims.map(|n| n.saturating_add(header.surface.grown())) != header.dims.to_array() {
-            let (metadata, header) = (metadata.dims, header.dims.to_array());
-            return Err(FormatError::MetadataDims { metadata, header }.into());
+            return Err(damaged("metadata and header disagree about the dims (SPEC I6)").into());
         }
         let levels: Vec<u64> = read_small(source, &sections, SectionKind::Levels)?
             .as_chunks::<8>()
@@ -221,8 +220,10 @@ impl Frame {
                 SectionKind::LeafRank => (entry.item_bytes == 8, cell::leaf_blocks(n)),
             };
             if !item_ok || entry.items != items {
-                let SectionEntry { item_bytes, items: stated, .. } = *entry;
-                return Err(FormatError::SectionItems { kind, item_bytes, items: stated, due: items });
+                let (name, item_bytes, stated) = (kind.name(), entry.item_bytes, entry.items);
+                return Err(damaged(format_args!(
+                    "the {name} section has {stated} items of {item_bytes} bytes where {items} are due (SPEC I4)"
+                )));
             }
         }
         Ok(())
@@ -244,13 +245,12 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
     }
     match (has(SectionKind::Rank), packed) {
         (false, false) => return Err(FormatError::MissingSection(SectionKind::Rank)),
-        (true, true) => return Err(FormatError::RankInPackedFile),
+        (true, true) => return Err(FormatError::MissingSection(SectionKind::Rank)),
         _ => {}
     }
     for channel in Channel::all() {
-        let kind = SectionKind::Means(channel);
-        if has(kind) && !has(SectionKind::Voxels(channel)) {
-            return Err(FormatError::LoneMeans { kind });
+        if has(SectionKind::Means(channel)) && !has(SectionKind::Voxels(channel)) {
+            return Err(damaged("coarse means are there without the voxels' own (SPEC I4)"));
         }
     }
     let cells = header.surface == SurfaceKind::Cells;
@@ -263,7 +263,10 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
         let of_cells = matches!(kind, SectionKind::CornerRank | SectionKind::Voxels(Channel::Corners));
         match (cells, has(kind)) {
             (true, false) => return Err(FormatError::MissingSection(kind)),
-            (false, true) if of_cells => return Err(FormatError::NotOfSkin { kind }),
+            (false, true) if of_cells => {
+                let name = kind.name();
+                return Err(damaged(format_args!("a model of skin voxels has the {name} section (SPEC I4)")));
+            }
             _ => {}
         }
     }
@@ -273,27 +276,33 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
     }
     for kind in [SectionKind::LabelTable, SectionKind::Voxels(Channel::Label)] {
         if has(kind) != header.walls {
-            return Err(FormatError::LabelsApart { kind });
+            return Err(damaged(
+                "the labels of voxels and their table are not both there, or not as the encoding says (SPEC I4)",
+            ));
         }
     }
     for kind in [SectionKind::LeafNormals, SectionKind::LeafOffsets, SectionKind::LeafRank] {
         if has(kind) != header.leaves {
-            return Err(FormatError::LeavesApart { kind });
+            return Err(leaves_apart());
         }
     }
     for entry in sections {
         let small = entry.kind.is_some_and(SectionKind::is_small);
         if entry.codec != 0 && (!packed || small) {
-            return Err(FormatError::ForbiddenCodec { kind: entry.kind, codec: entry.codec });
+            return Err(damaged("a section is coded that must not be (SPEC I4)"));
         }
     }
     Ok(())
 }
 
+fn leaves_apart() -> FormatError {
+    damaged("encoding and sections disagree about larger leaves (SPEC I4)")
+}
+
 /// SPEC I8: the stored bytes of a section have the CRC that the table states.
 pub(super) fn check_crc(entry: &SectionEntry, found: u32) -> Result<(), FormatError> {
-    let SectionEntry { kind, offset, stored_crc: stated, .. } = *entry;
-    if stated == found { Ok(()) } else { Err(FormatError::SectionChecksum { kind, offset, stated, found }) }
+    let (of, stated) = (entry.kind.map_or("a section of unknown kind", SectionKind::name), entry.stored_crc);
+    if stated == found { Ok(()) } else { Err(FormatError::Checksum { of, stated, found }) }
 }
 
 /// Reads a section whole when a file is opened; its size is checked before anything is allocated.
@@ -306,8 +315,7 @@ fn read_small<R: ReadAt + ?Sized>(
     let item = if kind == SectionKind::Levels { 8 } else { 1 };
     let len = usize::try_from(entry.stored_bytes).unwrap_or(usize::MAX);
     if entry.item_bytes != item || len > METADATA_LIMIT {
-        let SectionEntry { item_bytes, stored_bytes, .. } = *entry;
-        return Err(FormatError::SectionTooLong { kind, item_bytes, stored_bytes }.into());
+        return Err(damaged(format_args!("the {} section is too long (SPEC I4)", kind.name())).into());
     }
     let mut bytes = vec![0; len];
     source.read_at(&mut bytes, entry.offset)?;
@@ -318,15 +326,12 @@ fn read_small<R: ReadAt + ?Sized>(
 /// SPEC I7: the level table is possible for the volume.
 fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
     let depth = header.dims.depth();
-    let (found, due) = (levels.len() as u64, u64::from(depth) + 1);
-    let (Some(&first), Some(&last)) = (levels.first(), levels.last()) else {
-        return Err(FormatError::LevelCount { found, due });
-    };
-    if found != due {
-        return Err(FormatError::LevelCount { found, due });
+    let impossible = |fault| damaged(format_args!("the level table is impossible: {fault} (SPEC I7)"));
+    if levels.len() != depth as usize + 1 {
+        return Err(impossible("it has a wrong number of items"));
     }
-    if (first, last) != (0, header.nodes) {
-        return Err(FormatError::LevelEnds { first, last, nodes: header.nodes });
+    if (levels.first(), levels.last()) != (Some(&0), Some(&header.nodes)) {
+        return Err(impossible("it does not run from 0 to the number of nodes"));
     }
     let mut above = 1_u64;
     for d in 0..=depth {

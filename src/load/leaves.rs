@@ -1,6 +1,6 @@
 //! Larger leaves in the full check: their directory and planes, and their part in coarse means (SPEC I14, I15, I19).
 
-use crate::format::{FormatError, SectionKind, cell};
+use crate::format::{FormatError, SectionKind, cell, damaged};
 use crate::geom::Level;
 
 use super::frame::Frame;
@@ -37,7 +37,10 @@ pub(super) fn check_leaves<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Res
     let found = frame.section(SectionKind::LeafNormals).map_or(0, |entry| entry.items);
     let due = builder.with_corners();
     if due != found {
-        return Err(FormatError::LeafCount { due, found }.into());
+        return Err(damaged(format_args!(
+            "{found} larger leaves are described where the nodes have {due} (SPEC I19)"
+        ))
+        .into());
     }
     for (kind, bytes) in [(SectionKind::LeafNormals, 2), (SectionKind::LeafOffsets, 1)] {
         let (mut items, mut before) = (cursor(source, frame, kind)?, 0);

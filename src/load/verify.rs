@@ -5,7 +5,7 @@
 
 use crate::format::{
     Channel, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind, SelectionKind, Sum,
-    SurfaceKind, WALL_BYTES, cell, label_directory_bytes, number, rank,
+    SurfaceKind, WALL_BYTES, cell, damaged, label_directory_bytes, number, rank,
 };
 use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
 
@@ -67,13 +67,16 @@ fn check_metadata(frame: &Frame) -> Result<(), Fault> {
         let row = channel.row();
         let there = frame.section(SectionKind::Voxels(channel)).is_some();
         if row.is_stated.is_some_and(|is_stated| is_stated(m) != there) {
-            return Err(FormatError::ChannelStated { channel, stated: !there }.into());
+            let items = row.items_name;
+            return Err(
+                damaged(format_args!("metadata and sections disagree about {items} (SPEC I17)")).into()
+            );
         }
     }
     let s = &m.selection;
     let open = s.kind != SelectionKind::Range;
     if s.lo.is_nan() || s.hi.is_nan() || s.lo > s.hi || (open && s.hi != f64::INFINITY) {
-        return Err(FormatError::SelectionRange { selection: *s }.into());
+        return Err(damaged("metadata has an impossible range of values (SPEC I17)").into());
     }
     Ok(())
 }
@@ -145,8 +148,12 @@ fn check_corners<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fa
             block += 1;
         }
     }
-    if builder.with_corners() != stated {
-        return Err(FormatError::CornerCount { due: builder.with_corners(), found: stated }.into());
+    let due = builder.with_corners();
+    if due != stated {
+        return Err(damaged(format_args!(
+            "{stated} cells have corners where the offsets announce {due} (SPEC I18)"
+        ))
+        .into());
     }
     Ok(())
 }

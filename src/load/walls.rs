@@ -1,8 +1,9 @@
 //! The check of cells between labels (SPEC I22), in the order of the file, with the labels of each cell.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
-use crate::format::{Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls, wall_offset};
-use crate::geom::VoxelIndex;
+use crate::format::{
+    Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls, damaged, wall_offset,
+};
 
 use super::frame::Frame;
 use super::stream::{Cursor, Fault, ReadAt};
@@ -35,7 +36,7 @@ impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
 
     /// Checks the next cell; `pair` holds its labels behind and in front.
     pub(super) fn check(&mut self, pair: [u16; 2], table: &[Label]) -> Result<(), Fault> {
-        let cell = VoxelIndex::new(self.cell);
+        let cell = self.cell;
         self.cell += 1;
         let missing = |channel| FormatError::MissingItem { kind: SectionKind::Voxels(channel) };
         let code = self.normals.take::<2>()?.ok_or(missing(Channel::Normal))?;
@@ -54,6 +55,8 @@ impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
             let inside = Plane::new(code, wall_offset(offset)).inside();
             behind > front && (offset % 2 == 0) == (front == 0) && inside != 0 && inside != u8::MAX
         };
-        if is_sound { Ok(()) } else { Err(FormatError::Walls { cell }.into()) }
+        let wrong =
+            || damaged(format_args!("the labels of cell {cell} and its walls do not agree (SPEC I22)"));
+        if is_sound { Ok(()) } else { Err(wrong().into()) }
     }
 }

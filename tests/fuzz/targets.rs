@@ -13,7 +13,10 @@ use infobyte::builder::{BuildOptions, LabelChoice, Silent, Threshold, build_volu
 use infobyte::csg::{CsgInput, CsgOptions, read_tree};
 use infobyte::discovery::Catalogue;
 use infobyte::export::ExportForm;
-use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
+use infobyte::format::{
+    Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, SectionEntry, SectionKind,
+    align_up,
+};
 use infobyte::geom::{Dims, VoxelIndex};
 use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::jobs::names::read_label_names;
@@ -504,11 +507,13 @@ fn archive(bytes: &[u8]) -> bool {
             Err(refused) => {
                 told(&refused.to_string());
                 let cause = refused.source().and_then(|cause| cause.downcast_ref::<FormatError>());
-                let Some(&FormatError::SectionChecksum { kind, stated, found, .. }) = cause else {
+                let Some(&FormatError::Checksum { of, stated, found }) = cause else {
                     return false;
                 };
                 let Ok(frame) = Frame::read(bytes.as_slice()) else { return false };
-                let Some(at) = frame.sections.iter().position(|entry| entry.kind == kind) else {
+                let name =
+                    |entry: &SectionEntry| entry.kind.map_or("a section of unknown kind", SectionKind::name);
+                let Some(at) = frame.sections.iter().position(|entry| name(entry) == of) else {
                     return false;
                 };
                 let at = HEADER_BYTES + at * ENTRY_BYTES + 44;

@@ -311,10 +311,10 @@ fn i18_corners_and_their_directory() {
     let offsets = SectionKind::Voxels(Channel::Offset);
     let first = items.bytes().iter().position(|o| *o == 0x80).unwrap();
     let fault = changed(offsets, &|bytes| bytes[first] = 5);
-    assert!(matches!(fault, FormatError::CornerRank { .. } | FormatError::CornerCount { .. }), "{fault:?}");
+    assert!(fault.to_string().contains("(SPEC I18)"), "{fault}");
     let last = items.bytes().iter().rposition(|o| *o != 0x80).unwrap();
     let fault = changed(offsets, &|bytes| bytes[last] = 0x80);
-    assert!(matches!(fault, FormatError::CornerRank { .. } | FormatError::CornerCount { .. }), "{fault:?}");
+    assert!(fault.to_string().contains("(SPEC I18)"), "{fault}");
     let fault = changed(SectionKind::CornerRank, &|bytes| bytes[0] ^= 1);
     assert_eq!(fault, FormatError::CornerRank { block: 0, due: 0 });
     let corners = SectionKind::Voxels(Channel::Corners);
@@ -328,7 +328,10 @@ fn i18_corners_and_their_directory() {
     let header = Header { surface: SurfaceKind::Skin, ..frame.header };
     file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
     match Frame::read(&file[..]) {
-        Err(Fault::Format(fault)) => assert_eq!(fault, FormatError::NotOfSkin { kind: corners }),
+        Err(Fault::Format(fault)) => {
+            let due = "a model of skin voxels has the corners section";
+            assert!(fault.to_string().contains(due), "{fault}");
+        }
         other => panic!("{other:?}"),
     }
 }

@@ -70,7 +70,7 @@ fn a_file_cut_at_any_length_or_grown_is_refused() {
     }
     let mut longer = file;
     longer.push(0);
-    assert_eq!(handle(&longer), Err(FormatError::TrailingBytes { extra: 1 }));
+    assert!(handle(&longer).unwrap_err().to_string().starts_with("has 1 bytes after its end"));
 }
 
 #[test]
@@ -83,13 +83,11 @@ fn every_flipped_byte_of_a_file_is_noticed() {
                 let error = handle(&bad).expect_err("damage must be noticed");
                 let due = match at {
                     0..8 => error == FormatError::BadMagic,
-                    8..HEADER_BYTES => matches!(error, FormatError::HeaderChecksum { .. }),
-                    _ => matches!(
-                        error,
-                        FormatError::TableChecksum { .. }
-                            | FormatError::SectionChecksum { .. }
-                            | FormatError::PaddingNotZero { .. }
-                    ),
+                    8..HEADER_BYTES => matches!(error, FormatError::Checksum { of: "the header", .. }),
+                    _ => match error {
+                        FormatError::Checksum { of, .. } => of != "the header",
+                        _ => matches!(error, FormatError::PaddingNotZero { .. }),
+                    },
                 };
                 assert!(due, "byte {at} ^ {flip:02x}: {error}");
             }
@@ -116,9 +114,10 @@ fn lies_in_header_and_table_with_right_checksums_are_refused() {
     let file = shell([12, 9, 10], FULL, 8);
     let refuse = |name: &str, change: fn(&mut Frame)| handle(&forge(&file, change)).expect_err(name);
     let huge = 1 << 60;
-    assert!(matches!(refuse("V 1", |f| f.header.voxels = 1), FormatError::NodeCount { .. }));
-    assert!(matches!(refuse("V less", |f| f.header.voxels -= 1), FormatError::SectionItems { .. }));
-    assert!(matches!(refuse("N less", |f| f.header.nodes -= 1), FormatError::LevelEnds { .. }));
+    let says = |fault: FormatError, due| assert!(fault.to_string().contains(due), "{fault}");
+    says(refuse("V 1", |f| f.header.voxels = 1), "number of nodes");
+    says(refuse("V less", |f| f.header.voxels -= 1), "are due");
+    says(refuse("N less", |f| f.header.nodes -= 1), "does not run from 0");
     refuse("V 0", |f| f.header.voxels = 0);
     refuse("V huge", |f| f.header.voxels = u64::MAX);
     refuse("N huge", |f| f.header.nodes = u64::MAX);
@@ -230,7 +229,7 @@ fn a_newer_major_version_is_named_and_a_newer_minor_is_read() {
     file[8] = 2;
     let crc = crc32c::crc32c(&file[..60]).to_le_bytes();
     file[60..64].copy_from_slice(&crc);
-    assert_eq!(handle(&file), Err(FormatError::UnsupportedVersion { major: 2 }));
+    assert!(handle(&file).unwrap_err().to_string().starts_with("has format version 2;"));
 }
 
 /// A packed shell large enough for two cubes in a group, and its bytes.

@@ -221,13 +221,14 @@ fn i19_larger_leaves_and_their_directory() {
         assert!(matches!(found, FormatError::RankMismatch { .. }), "{found:?}");
     }
     let apart = damaged(&|header| header.leaves = false, SectionKind::Nodes, &|_| {});
-    assert!(matches!(apart, FormatError::NodeCount { .. }), "{apart:?}");
+    assert!(apart.to_string().contains("number of nodes"), "{apart}");
     // Without cells the bit is unknown.
     let mut file = whole.clone();
     file[12] = 4;
     let crc = crc32c::crc32c(&file[..60]);
     file[60..64].copy_from_slice(&crc.to_le_bytes());
-    assert!(matches!(Frame::read(&file[..]), Err(Fault::Format(FormatError::UnknownEncoding { code: 4 }))));
+    let Err(Fault::Format(fault)) = Frame::read(&file[..]) else { panic!("an unknown encoding") };
+    assert!(fault.to_string().contains("encoding 4 is unknown"), "{fault}");
 }
 
 #[test]

@@ -12,7 +12,8 @@ use crate::format::packed::{
     CodingError, planes,
 };
 use crate::format::{
-    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
+    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, damaged,
+    rank,
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
@@ -34,7 +35,7 @@ const MEANS_STACK_BYTES: usize = 256 << 10;
 pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
     let packed = Frame::read(source)?;
     if packed.header.encoding == Encoding::Mapped {
-        return Err(FormatError::AlreadyMapped.into());
+        return Err(FormatError::Said("is not packed; there is nothing to unpack".into()).into());
     }
     check_storage(source, &packed)?;
     for entry in &packed.sections {
@@ -258,7 +259,8 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
         |worker| content(&worker.group, writer).map_err(Stop::Output),
     )?;
     if !writer.is_full() {
-        return Err(FormatError::SurplusItems { kind, room: writer.room() }.into());
+        let items = kind.items_name();
+        return Err(damaged(format_args!("there are more {items} than voxels (SPEC I11)")).into());
     }
     writer.flush().map_err(Stop::Output)
 }

@@ -11,7 +11,8 @@ use crate::format::packed::{
     CodingError, GROUP_BYTES_LIMIT, planes,
 };
 use crate::format::{
-    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
+    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, damaged,
+    table_bytes,
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify};
@@ -25,13 +26,13 @@ use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
     let early = Frame::read(source)?;
     if early.header.encoding == Encoding::Packed {
-        return Err(FormatError::AlreadyPacked.into());
+        return Err(FormatError::Said("is packed already; there is nothing to do".into()).into());
     }
     let frame = verify(source)?;
     let at = |kind| frame.sections.iter().position(|e| e.kind == Some(kind));
     // Unpacking puts the directory back right after the nodes.
     if at(SectionKind::Rank) != at(SectionKind::Nodes).map(|n| n + 1) {
-        return Err(FormatError::RankApart.into());
+        return Err(damaged("a section of unknown kind parts nodes and rank").into());
     }
     let mut packed = frame.clone();
     packed.sections.retain(|e| e.kind != Some(SectionKind::Rank));

@@ -29,6 +29,6 @@ impl From<FormatError> for Stop {
 
 impl From<CodingError> for Stop {
     fn from(cause: CodingError) -> Self {
-        FormatError::Coding(cause).into()
+        FormatError::from(cause).into()
     }
 }

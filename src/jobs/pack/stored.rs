@@ -3,7 +3,7 @@
 use std::fs::File;
 
 use crate::format::packed::{CodingError, GROUP_BYTES_LIMIT, planes};
-use crate::format::{FormatError, SectionEntry};
+use crate::format::{SectionEntry, damaged};
 use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt};
 
@@ -55,9 +55,10 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
 }
 
 /// Writers to the depths of the subtrees in the output, each from front to back.
-pub(super) struct LevelWriters<'a> {
-    root_depth: u32,
-    writers: Vec<Writer<'a>>,
+pub(super) struct LevelWriters<'a>(Vec<Writer<'a>>);
+
+fn other_nodes() -> Stop {
+    damaged("a depth has too many or too few nodes (SPEC I11)").into()
 }
 
 impl<'a> LevelWriters<'a> {
@@ -82,15 +83,14 @@ impl<'a> LevelWriters<'a> {
                 Writer::new(out, target.offset + level.start, target.offset + level.end)
             })
             .collect();
-        Ok(Some(Self { root_depth, writers }))
+        Ok(Some(Self(writers)))
     }
 
     /// Appends to each depth.
     pub(super) fn write(&mut self, levels: &[Vec<u8>]) -> Result<(), Stop> {
-        for (depth, (writer, level)) in (self.root_depth..).zip(self.writers.iter_mut().zip(levels)) {
-            let (room, brought) = (writer.room(), level.len() as u64);
-            if brought > room {
-                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
+        for (writer, level) in self.0.iter_mut().zip(levels) {
+            if level.len() as u64 > writer.room() {
+                return Err(other_nodes());
             }
             // In parts, so as not to hold them twice.
             level.chunks(1 << 14).try_for_each(|part| writer.write(part)).map_err(Stop::Output)?;
@@ -100,10 +100,9 @@ impl<'a> LevelWriters<'a> {
 
     /// Checks that every depth is full.
     pub(super) fn finish(mut self) -> Result<(), Stop> {
-        for (depth, writer) in (self.root_depth..).zip(&mut self.writers) {
+        for writer in &mut self.0 {
             if !writer.is_full() {
-                let room = writer.room();
-                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought: 0 }.into());
+                return Err(other_nodes());
             }
             writer.flush().map_err(Stop::Output)?;
         }

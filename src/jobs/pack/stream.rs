@@ -5,7 +5,7 @@ use std::io;
 
 use crate::format::packed::CODEC_DISTANCES;
 use crate::format::packed::group::Group;
-use crate::format::{Channel, FormatError, SectionKind, SurfaceKind, cell};
+use crate::format::{Channel, FormatError, SectionKind, SurfaceKind, cell, damaged};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 use crate::platform::FileExt;
@@ -142,9 +142,9 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
     /// Appends the next subtree's infobytes by depth to a group, and counts its voxels and larger leaves.
     fn append(&mut self, group: &mut Group) -> Result<(), Fault> {
         let mut count = 1_u64;
+        let cut =
+            || Fault::from(damaged("a depth has fewer nodes than their parents have children (SPEC I11)"));
         for (depth, (cursor, level)) in self.cursors.iter_mut().zip(&mut group.levels).enumerate() {
-            let level_of_file = Level::new(self.shape.root_depth + u32::try_from(depth).unwrap_or(0));
-            let cut = || Fault::from(FormatError::SubtreeCut { level: level_of_file });
             if count > cursor.left() {
                 return Err(cut());
             }

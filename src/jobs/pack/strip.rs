@@ -14,7 +14,9 @@ use super::stream::Writer;
 use super::{PackReport, convert, decode};
 use crate::error::Error;
 use crate::fault::{self, usage};
-use crate::format::{Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind};
+use crate::format::{
+    Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind, damaged,
+};
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
 use crate::progress::Silent;
@@ -152,7 +154,7 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
     let depth = frame.dims().depth() - request.levels;
     if request.levels > 0 {
         let [nx, ny, nz] = frame.dims().to_array().map(|n| n.div_ceil(edge));
-        left.header.dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: [nx, ny, nz] })?;
+        left.header.dims = Dims::new(nx, ny, nz).ok_or_else(|| damaged("dims are outside 1..=65536"))?;
         left.metadata.dims = [nx, ny, nz];
         // The middle of the first box is the mean of the voxels within.
         let middle = frame.affine().apply([0.5 * f64::from(edge - 1); 3]);
