@@ -25,10 +25,12 @@ pub use crate::builder::parts::stage::Stage;
 use crate::builder::parts::{Cuts, PartFault, PartFile, PartId, join};
 use crate::builder::{BuildError, BuildFault, BuildOptions, Progress};
 use crate::error::Error;
+use crate::fault::{bad, usage};
 use crate::geom::Dims;
 use crate::platform::PositionalFile;
 use crate::synthetic::is_synthetic;
 use crate::text::data;
+use crate::text::names::PLAN;
 use crate::volume::Preparation;
 use input::Opened;
 
@@ -86,7 +88,9 @@ impl Plan {
     /// It cannot be read, or is not a plan.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let refuse = |fault| refused(path, fault);
-        let not = |reason: &str| refuse(PartFault::NotPlan { reason: reason.to_owned() });
+        let not = |reason: &str| {
+            refuse(bad!("is not a plan, or is damaged ({reason}); make it again with {PLAN}").into())
+        };
         let unreadable = |cause| refuse(PartFault::Unreadable(cause));
         let mut bytes = Vec::new();
         let opened = PositionalFile::open(path)
@@ -154,7 +158,8 @@ impl Plan {
     fn part(&self, number: u32) -> Result<PartId, Error> {
         let parts = self.file.parts;
         if number >= parts {
-            return Err(refused(&self.path, PartFault::NoSuchPart { number, parts }));
+            let fault = usage!("has no part {number}; its {parts} parts are numbered from 0");
+            return Err(refused(&self.path, fault.into()));
         }
         Ok(PartId { digest: self.digest, number, cuts: self.cuts() })
     }
@@ -196,8 +201,8 @@ pub fn plan(
 ) -> Result<PlanReport, Error> {
     let opened = input.open(None)?;
     let (dims, digest) = (opened.dims, input.digest(&opened, parts));
-    let text =
-        |path: &PathBuf| path.to_str().map(str::to_owned).ok_or_else(|| refused(path, PartFault::NotText));
+    let not_text = || usage!("is not text, and cannot be written down in a plan; rename it").into();
+    let text = |path: &PathBuf| path.to_str().map(str::to_owned).ok_or_else(|| refused(path, not_text()));
     let cuts = Cuts { dims, parts };
     let regions = (0..parts).map(|number| cuts.region(number));
     let (mut empty_parts, mut most) = (0, 0);

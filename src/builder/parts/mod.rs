@@ -41,7 +41,7 @@ pub(crate) mod stage;
 mod write;
 
 pub(crate) use cut::{Cuts, PartId};
-pub(crate) use fault::{NotInParts, PartFault};
+pub(crate) use fault::PartFault;
 pub(crate) use join::{Joined, join};
 pub(crate) use read::PartFile;
 pub(super) use record::{RecordForm, Stretch};

@@ -7,15 +7,17 @@ use sha2::{Digest, Sha256};
 
 use super::refused;
 use crate::budget::MemoryCap;
+use crate::builder::parts::PartId;
 use crate::builder::parts::stage::Stage;
-use crate::builder::parts::{NotInParts, PartFault, PartId};
 use crate::builder::{self, BuildError, BuildFault, BuildOptions, Threshold, cell_dims};
 use crate::clean::Cleaned;
 use crate::error::Error;
+use crate::fault::{Fault, usage};
 use crate::format::{Channel, SurfaceKind};
 use crate::geom::Dims;
 use crate::jobs::build::{BuildJob, prepare};
 use crate::source::{OpenOptions, Subject, SubjectKind};
+use crate::text::names::{ERROR, LABELS, UNCERTAINTY, VISIBLE_FROM};
 use crate::volume::VolumeSource;
 
 /// Version of the layout of parts and of the contents of their digest.
@@ -61,17 +63,25 @@ impl PartsInput<'_> {
     }
 
     /// An option of the build that a part of a model cannot support.
-    fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<NotInParts> {
+    fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<Fault> {
         let BuildJob { options, .. } = self.job;
-        let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
+        if options.labels.is_some() {
+            return Some(usage!(
+                "{LABELS} cannot be used in parts yet, as the table of labels covers all parts; build the model in one piece"
+            ));
+        }
         let found = [
-            (options.labels.is_some(), NotInParts::Labels),
-            (!options.visible_from.is_empty(), NotInParts::Sight),
-            (options.joins(), NotInParts::Leaves),
-            (options.uncertainty, NotInParts::Uncertainty),
-            (wide && options.channels().contains(Channel::Value), NotInParts::WideValues),
+            (!options.visible_from.is_empty(), VISIBLE_FROM, ", as rays cross all of them"),
+            (options.joins(), ERROR, " yet, as the distances stated by the model cover all parts"),
+            (options.uncertainty, UNCERTAINTY, " yet, as noise is measured over all parts"),
         ];
-        found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
+        if let Some((_, option, why)) = found.into_iter().find(|(is_used, ..)| *is_used) {
+            return Some(usage!("{option} cannot be used in parts{why}; leave it out"));
+        }
+        let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
+        (wide && options.channels().contains(Channel::Value)).then(|| {
+            usage!("the channel 'value' of samples of 32 or 64 bits cannot be built in parts, as it is scaled by the extent of all values of the skin; leave it out")
+        })
     }
 
     /// The options of a part, with the threshold of its preset.
@@ -82,9 +92,9 @@ impl PartsInput<'_> {
     /// Opens the input, and reshapes a volume. The grid and the files of a solid are found by making it, unless they
     /// are `known`.
     pub(super) fn open(&self, known: Option<(Dims, &[String])>) -> Result<Opened, Error> {
-        let refuse = |what| {
+        let refuse = |fault: Fault| {
             let path = self.inputs.first().cloned().unwrap_or_default();
-            Err(refused(&path, PartFault::Unsupported(what)))
+            Err(refused(&path, fault.into()))
         };
         if let Some(what) = self.unsupported(None) {
             return refuse(what);

@@ -16,6 +16,7 @@ use crate::builder::{
 use crate::clean::{CleanError, CleanReport};
 use crate::error::Error;
 use crate::exit::ExitKind;
+use crate::fault::usage;
 use crate::jobs::build::BuildJob;
 use crate::text::data;
 use crate::volume::VolumeSource;
@@ -215,7 +216,12 @@ fn open(
     let opened = plan.open(input)?;
     let of = &opened.stages;
     if !of.contains(&stage) {
-        return Err(refused(&plan.path, PartFault::NoSuchStage { stage, of: of.clone() }));
+        let names: Vec<_> = of.iter().map(|stage| stage.name()).collect();
+        let known = match &names[..] {
+            [] => "its threshold is given, and its parts can be built at once".to_owned(),
+            names => format!("its stages are {}", names.join(" and ")),
+        };
+        return Err(refused(&plan.path, usage!("has no stage '{stage}': {known}").into()));
     }
     let before = Stage::Extremes;
     let extremes = match stage == Stage::Histogram && of.contains(&before) {
