@@ -88,7 +88,7 @@ impl<'a> BitDecoder<'a> {
     pub(super) fn new(payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<4>();
         if words.is_empty() || !rest.is_empty() {
-            return Err(CodingError::GroupCut);
+            return Err(CodingError::GROUP_CUT);
         }
         let mut new = Self { above: 0, range: u64::MAX, words, at: 0 };
         new.above = new.word() << 32;
@@ -109,7 +109,7 @@ impl<'a> BitDecoder<'a> {
     /// More were read.
     #[inline(always)]
     pub(super) fn check(&self) -> Result<(), CodingError> {
-        if self.at > self.words.len() + 1 { Err(CodingError::GroupCut) } else { Ok(()) }
+        if self.at > self.words.len() + 1 { Err(CodingError::GROUP_CUT) } else { Ok(()) }
     }
 
     /// Checks that the payload was used up.
@@ -118,7 +118,7 @@ impl<'a> BitDecoder<'a> {
     /// Words are left, or the payload ended early.
     pub(super) fn finish(self) -> Result<(), CodingError> {
         self.check()?;
-        if self.at <= self.words.len() { Err(CodingError::GroupSurplus) } else { Ok(()) }
+        if self.at <= self.words.len() { Err(CodingError::GROUP_SURPLUS) } else { Ok(()) }
     }
 }
 
@@ -171,9 +171,9 @@ mod tests {
             };
             assert_eq!(decode(&payload), Ok(given));
             let longer = [&payload[..], &[0; 4]].concat();
-            assert_eq!(decode(&longer), Err(CodingError::GroupSurplus));
-            assert_eq!(decode(&longer[..payload.len() + 1]), Err(CodingError::GroupCut));
-            assert_eq!(decode(&payload[..payload.len() - 4]), Err(CodingError::GroupCut));
+            assert_eq!(decode(&longer), Err(CodingError::GROUP_SURPLUS));
+            assert_eq!(decode(&longer[..payload.len() + 1]), Err(CodingError::GROUP_CUT));
+            assert_eq!(decode(&payload[..payload.len() - 4]), Err(CodingError::GROUP_CUT));
         }
     }
 

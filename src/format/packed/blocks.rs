@@ -117,7 +117,7 @@ impl Blocks {
                     let at = first + octant % 2 + octant / 2 % 2 * ROW + octant / 4 * SLICE;
                     let Some(window) = self.grid.get_mut(at - SELF..).and_then(|g| g.first_chunk_mut())
                     else {
-                        return Err(CodingError::SubtreeTooDeep);
+                        return Err(CodingError::SUBTREE_TOO_DEEP);
                     };
                     let result = voxels.code_voxel(coder, window, number);
                     if result.is_err() {

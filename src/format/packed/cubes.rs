@@ -2,7 +2,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "small fields of windows are wanted")]
 
 use super::bits::{BitCoder, BitDecoder, BitEncoder};
-use super::group::{Group, GroupCoder, Place, child_place, coordinates, wrong_count};
+use super::group::{Group, GroupCoder, Place, child_place, coordinates};
 use super::mixer::{KEY_BITS, Mixer};
 use super::prior::{Prior, Sums};
 use super::{CUBE_DEPTH, CodingError};
@@ -160,7 +160,7 @@ impl NodeCoder {
         for _ in 0..group.subtrees {
             // A group that continues after it is full could exceed memory.
             if group.voxels + group.leaves >= Self::VOXELS {
-                return Err(CodingError::GroupSubtrees { subtrees: group.subtrees });
+                return Err(CodingError::GROUP_SUBTREES);
             }
             self.code_cube(isa, coder, group, &mut begins)?;
             check(coder)?;
@@ -186,9 +186,8 @@ impl NodeCoder {
             if C::READS {
                 level.resize(*begin + count, 0);
             }
-            let have = level.len().saturating_sub(*begin);
             let masks = level.get_mut(*begin..).and_then(|left| left.get_mut(..count));
-            let masks = masks.ok_or_else(|| wrong_count(have, count))?;
+            let masks = masks.ok_or(CodingError::SUBTREE_NODES)?;
             *begin += count;
             let is_last = depth + 1 == depths;
             let at = Depth { class: (depths - 1 - depth).min(2), has_leaves: depth >= group.first_leaves };

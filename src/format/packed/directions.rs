@@ -95,7 +95,7 @@ impl SymbolGroups for DirectionCoder {
         let mut codes = std::mem::take(&mut group.normals);
         codes.resize(group.voxels, 0);
         if coder.even(1, 0) != 0 {
-            return Err(CodingError::NormalRange);
+            return Err(CodingError::NORMAL_RANGE);
         }
         let known = &mut self.known;
         let mut voxels = Directions { known, codes: &mut codes, last: [0, 0, SCALE] };
@@ -125,7 +125,7 @@ impl VoxelCoder for Directions<'_> {
         window: &mut Window,
         number: usize,
     ) -> Result<(), CodingError> {
-        let Some(code) = self.codes.get_mut(number) else { return Err(CodingError::SubtreeTooDeep) };
+        let Some(code) = self.codes.get_mut(number) else { return Err(CodingError::SUBTREE_TOO_DEEP) };
         *code = code_one(self.known, coder, window, self.last, *code)?;
         self.last = decode_l1(*code);
         Ok(())
@@ -249,7 +249,7 @@ fn code_one<C: SymbolCoder>(
     let errors = [u.error, v.error];
     let magnitudes = u.residual.unsigned_abs().min(MAX_OFF) + v.residual.unsigned_abs().min(MAX_OFF);
     if got[0].wrapping_abs() > SCALE || got[1].wrapping_abs() > SCALE {
-        return Err(CodingError::NormalRange);
+        return Err(CodingError::NORMAL_RANGE);
     }
     let vector = mirrored(decode_l1(code_of(got)), mirror);
     let mut plain = chart(vector);

@@ -166,7 +166,7 @@ impl VoxelCoder for Distances<'_> {
         number: usize,
     ) -> Result<(), CodingError> {
         let (Some(normal), Some(slot)) = (self.normals.get(number), self.offsets.get_mut(number)) else {
-            return Err(CodingError::SubtreeTooDeep);
+            return Err(CodingError::SUBTREE_TOO_DEEP);
         };
         let own = decode_l1(*normal);
         let mut predictions = Predictions::default();
@@ -192,7 +192,7 @@ impl VoxelCoder for Distances<'_> {
             let bits = if token + 1 == CORNERS_TOKEN { FAR_BITS } else { TOKENS[token].1 };
             let residual = difference_of(token, coder.even(bits, low_bits(token, bits, residual)));
             let offset = i8::try_from(expected + residual).ok().filter(|o| *o != HAS_CORNERS);
-            let offset = offset.ok_or(CodingError::OffsetRange)?;
+            let offset = offset.ok_or(CodingError("a packed offset is out of range (SPEC 5.8)"))?;
             *slot = offset.cast_unsigned();
             [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MAX_OFF), 0, 0]
         };

@@ -143,13 +143,7 @@ impl Walk {
 
 fn part(level: &[u8], from: usize, count: usize) -> Result<&[u8], CodingError> {
     let left = level.get(from..).unwrap_or_default();
-    left.get(..count).ok_or_else(|| wrong_count(left.len(), count))
-}
-
-/// Error for a depth of a subtree that does not match the boxes above.
-pub(super) fn wrong_count(found: usize, due: usize) -> CodingError {
-    let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    CodingError::SubtreeNodes { found: count(found), due: count(due) }
+    left.get(..count).ok_or(CodingError::SUBTREE_NODES)
 }
 
 #[cfg(test)]
@@ -173,6 +167,6 @@ pub(super) mod tests {
             assert_eq!(coordinates(places[1023]), [31, 31, 0]);
             assert_eq!(coordinates(places[5]), [3, 0, 0]);
         }
-        assert_eq!(walk.next_subtree(&group.levels).unwrap_err(), wrong_count(0, 1));
+        assert_eq!(walk.next_subtree(&group.levels).unwrap_err(), CodingError::SUBTREE_NODES);
     }
 }

@@ -58,7 +58,7 @@ pub(crate) mod planes;
 mod prior;
 pub(crate) mod tables;
 
-pub use error::CodingError;
+pub(crate) use error::CodingError;
 
 /// Codec of plain content (SPEC 5.1).
 pub(crate) const CODEC_NONE: u8 = 0;

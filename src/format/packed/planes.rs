@@ -42,7 +42,7 @@ pub(crate) fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, Cod
     let planes = zstd::bulk::decompress(stored, len)
         .ok()
         .filter(|p| p.len() == len && len.is_multiple_of(item))
-        .ok_or_else(|| CodingError::BlockUnreadable { due: u32::try_from(len).unwrap_or(u32::MAX) })?;
+        .ok_or(CodingError("a packed block cannot be decoded (SPEC 5.3)"))?;
     let mut content = vec![0; len];
     for (plane, bytes) in planes.chunks_exact((len / item).max(1)).enumerate() {
         let mut before = 0_u8;

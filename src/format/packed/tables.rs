@@ -268,7 +268,7 @@ impl<'a, L: Lanes> Decoder<'a, L> {
     pub(crate) fn new(isa: L, payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<2>();
         if words.is_empty() || !rest.is_empty() {
-            return Err(CodingError::GroupCut);
+            return Err(CodingError::GROUP_CUT);
         }
         let mut new = Self { isa, states: [STATE; 2], words, at: 0, items: 0 };
         new.begin_block();
@@ -314,7 +314,7 @@ impl<'a, L: Lanes> Decoder<'a, L> {
     pub(crate) fn finish(mut self) -> Result<(), CodingError> {
         self.check()?;
         if self.at < self.words.len() {
-            return Err(CodingError::GroupSurplus);
+            return Err(CodingError::GROUP_SURPLUS);
         }
         if self.items > 0 {
             self.end_block();
@@ -374,7 +374,7 @@ impl<L: Lanes> SymbolCoder for Decoder<'_, L> {
 
     #[inline(always)]
     fn check(&self) -> Result<(), CodingError> {
-        if self.at > self.words.len() { Err(CodingError::GroupCut) } else { Ok(()) }
+        if self.at > self.words.len() { Err(CodingError::GROUP_CUT) } else { Ok(()) }
     }
 }
 

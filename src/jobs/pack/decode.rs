@@ -118,7 +118,7 @@ fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
         entry.stored_crc = entry.content_crc;
         end = entry.end();
         if end >= 1 << 62 {
-            return Err(CodingError::ContentTooLarge.into());
+            return Err(CodingError("its sections are too large to be true").into());
         }
     }
     mapped.header.file_bytes = end;
@@ -137,7 +137,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_CUBES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
             frame.dims().depth() == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
         }
-        codec => return Err(CodingError::UnknownCodec { codec }.into()),
+        codec => return Err(damaged(format_args!("codec {codec} is unknown; update infobyte")).into()),
     };
     let right_kind = match (entry.codec, entry.kind) {
         (CODEC_NONE, _) => true,
@@ -149,7 +149,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
     if ok && right_kind {
         return Ok(());
     }
-    Err(CodingError::ImplausibleSection { kind: entry.kind, codec: entry.codec }.into())
+    Err(CodingError("a packed section is impossible (SPEC 5.1)").into())
 }
 
 fn decode_section<R: ReadAt + ?Sized>(
@@ -185,7 +185,7 @@ fn decode_section<R: ReadAt + ?Sized>(
     give_back();
     match stored.0.left() {
         0 => Ok(()),
-        left => Err(CodingError::SectionSurplus { left }.into()),
+        _ => Err(CodingError("a packed section has bytes left over (SPEC 5.1)").into()),
     }
 }
 
@@ -249,7 +249,7 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
             let stated = next_group(stored, &mut left, worker)?;
             subtrees.fill(&mut worker.group, G::VOXELS)?;
             if worker.group.subtrees != stated {
-                return Err(CodingError::GroupSubtrees { subtrees: stated }.into());
+                return Err(CodingError::GROUP_SUBTREES.into());
             }
             // The infobytes may have more voxels than the header states.
             due = due.checked_sub(worker.group.voxels as u64).ok_or(FormatError::MissingItem { kind })?;

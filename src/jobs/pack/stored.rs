@@ -2,8 +2,8 @@
 
 use std::fs::File;
 
+use crate::format::SectionEntry;
 use crate::format::packed::{CodingError, GROUP_BYTES_LIMIT, planes};
-use crate::format::{SectionEntry, damaged};
 use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt};
 
@@ -15,14 +15,15 @@ pub(super) struct Stored<'a, R: ReadAt + ?Sized>(pub(super) Cursor<'a, R>);
 
 impl<R: ReadAt + ?Sized> Stored<'_, R> {
     pub(super) fn number(&mut self) -> Result<u32, Stop> {
-        let bytes = self.0.take::<4>()?.ok_or(CodingError::SectionCut)?;
+        let bytes = self.0.take::<4>()?.ok_or(CodingError("a packed section ends early (SPEC 5.1)"))?;
         Ok(u32::from_le_bytes(bytes))
     }
 
     /// The next `len` bytes; a length beyond the section or the limit is refused before allocating.
     pub(super) fn bytes(&mut self, len: u32, limit: u32) -> Result<Vec<u8>, Stop> {
         if len > limit || u64::from(len) > self.0.left() {
-            return Err(CodingError::BlockTooLong { bytes: len }.into());
+            let sentence = "a packed block is longer than its section or its limit (SPEC 5.1)";
+            return Err(CodingError(sentence).into());
         }
         let mut bytes = Vec::with_capacity(len as usize);
         while bytes.len() < len as usize {
@@ -48,7 +49,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
     pub(super) fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
         let (len, subtrees) = (self.number()?, self.number()?);
         if subtrees == 0 || u64::from(subtrees) > left {
-            return Err(CodingError::GroupSubtrees { subtrees }.into());
+            return Err(CodingError::GROUP_SUBTREES.into());
         }
         Ok((subtrees, self.bytes(len, GROUP_BYTES_LIMIT)?))
     }
@@ -56,10 +57,6 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
 
 /// Writers to the depths of the subtrees in the output, each from front to back.
 pub(super) struct LevelWriters<'a>(Vec<Writer<'a>>);
-
-fn other_nodes() -> Stop {
-    damaged("a depth has too many or too few nodes (SPEC I11)").into()
-}
 
 impl<'a> LevelWriters<'a> {
     /// Writes the infobytes above the subtrees, and positions the writers at the first subtree; `None` without any
@@ -90,7 +87,7 @@ impl<'a> LevelWriters<'a> {
     pub(super) fn write(&mut self, levels: &[Vec<u8>]) -> Result<(), Stop> {
         for (writer, level) in self.0.iter_mut().zip(levels) {
             if level.len() as u64 > writer.room() {
-                return Err(other_nodes());
+                return Err(CodingError::SUBTREE_NODES.into());
             }
             // In parts, so as not to hold them twice.
             level.chunks(1 << 14).try_for_each(|part| writer.write(part)).map_err(Stop::Output)?;
@@ -102,7 +99,7 @@ impl<'a> LevelWriters<'a> {
     pub(super) fn finish(mut self) -> Result<(), Stop> {
         for writer in &mut self.0 {
             if !writer.is_full() {
-                return Err(other_nodes());
+                return Err(CodingError::SUBTREE_NODES.into());
             }
             writer.flush().map_err(Stop::Output)?;
         }
