@@ -77,33 +77,31 @@ impl<'a> VolumeSolid<'a> {
     }
 }
 
+/// Metadata of a model of a volume, without a channel of values.
+pub(super) fn metadata_of(info: &VolumeInfo, selection: Selection, gradient: String) -> Metadata {
+    let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = info;
+    let (format, kind) = (description.format.clone(), description.to_string());
+    Metadata {
+        source: SourceMeta { format, kind, files: description.files, bytes: description.bytes },
+        scalar: scalar.code(),
+        spacing_mm: *spacing_mm,
+        affine: affine.rows,
+        rescale: [rescale.slope, rescale.intercept],
+        selection,
+        gradient,
+        ..Metadata::of_grid(*dims, "")
+    }
+}
+
 impl Solid for VolumeSolid<'_> {
     fn dims(&self) -> Dims {
         self.source.info().dims
     }
 
     fn metadata(&self, found: &ScanSummary) -> Metadata {
-        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.source.info();
-        Metadata {
-            program: String::new(),
-            source: SourceMeta {
-                format: description.format.clone(),
-                kind: description.to_string(),
-                files: description.files,
-                bytes: description.bytes,
-            },
-            dims: dims.to_array(),
-            scalar: scalar.code(),
-            spacing_mm: *spacing_mm,
-            affine: affine.rows,
-            rescale: [rescale.slope, rescale.intercept],
-            selection: self.selection,
-            connectivity: 0,
-            gradient: self.gradient.name().into(),
-            value_scale: value_scale(*scalar, found.extent, *rescale),
-            error: None,
-            noise: None,
-        }
+        let info = self.source.info();
+        let value_scale = value_scale(info.scalar, found.extent, info.rescale);
+        Metadata { value_scale, ..metadata_of(info, self.selection, self.gradient.name().into()) }
     }
 
     fn name(&self) -> String {

@@ -23,14 +23,15 @@ use super::item::ItemForm;
 use super::options::BuildOptions;
 use super::report::BuildNote;
 use super::solid::{ScanSummary, Solid, SolidWorker, Tile};
+use super::volume::metadata_of;
 use crate::builder::BuildFault;
 use crate::format::{
-    Channel, LABEL_BYTES, Label, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SourceMeta,
-    SurfaceKind, WALL_BYTES,
+    Channel, LABEL_BYTES, Label, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SurfaceKind,
+    WALL_BYTES,
 };
 use crate::geom::Dims;
 use crate::text::Short;
-use crate::volume::{SourceError, StatedLabel, VolumeInfo, VolumeSource};
+use crate::volume::{SourceError, StatedLabel, VolumeSource};
 
 use crate::fault::{Fault, bad, unfit, usage};
 use cells::CellWorker;
@@ -194,28 +195,15 @@ impl Solid for LabelSolid<'_> {
     }
 
     fn metadata(&self, _: &ScanSummary) -> Metadata {
-        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.source.info();
         let found = self.counted();
         let ends = found.first().zip(found.last()).map_or((1, u16::MAX), |(first, last)| (first.0, last.0));
-        Metadata {
-            source: SourceMeta {
-                format: description.format.clone(),
-                kind: description.to_string(),
-                files: description.files,
-                bytes: description.bytes,
-            },
-            scalar: scalar.code(),
-            spacing_mm: *spacing_mm,
-            affine: affine.rows,
-            rescale: [rescale.slope, rescale.intercept],
-            selection: Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() },
-            gradient: if self.smooth < MAX_SMOOTH {
-                format!("{} within {} voxel", cells::ESTIMATOR, Short(self.smooth))
-            } else {
-                cells::ESTIMATOR.into()
-            },
-            ..Metadata::of_grid(*dims, "")
-        }
+        let selection = Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() };
+        let gradient = if self.smooth < MAX_SMOOTH {
+            format!("{} within {} voxel", cells::ESTIMATOR, Short(self.smooth))
+        } else {
+            cells::ESTIMATOR.into()
+        };
+        metadata_of(self.source.info(), selection, gradient)
     }
 
     fn name(&self) -> String {
