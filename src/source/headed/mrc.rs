@@ -109,7 +109,7 @@ fn header(head: &[u8; HEADER], encoding: Encoding) -> Read<Headed> {
     let (intervals, cell) = (whole3(8), real3(11));
     let is_stated = (0..3).all(|k| intervals[k] > 0 && cell[k] > 0.0);
     let affine = if is_stated {
-        let order = whole3(17).map(|axis| axis - 1);
+        let order = whole3(17).map(|axis| axis.saturating_sub(1));
         let along = cell_axes(real3(14)).ok_or_else(|| missing("the angles of its cell"))?;
         let axes = if order == [-1; 3] { [0, 1, 2] } else { order };
         let mut affine = Affine::from_spacing([1.0; 3]);

@@ -222,8 +222,12 @@ impl Array {
             return Err(unread("shards whose index is packed"));
         }
         let location = configured(sharding, "index_location");
+        let counts: Vec<u64> = outer.iter().zip(&inner).map(|(outer, inner)| outer / inner).collect();
+        if counts.iter().fold(1_u64, |all, count| all.saturating_mul(*count)) > MAX_CHUNKS {
+            return Err(unread("shards of thousands of millions of chunks"));
+        }
         let shard = Shard {
-            counts: outer.iter().zip(&inner).map(|(outer, inner)| outer / inner).collect(),
+            counts,
             at_end: word(location.as_ref(), "index_location", &["end", "start"])? == "end",
             checked: of_index.is_checked(),
         };

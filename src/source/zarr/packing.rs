@@ -87,7 +87,7 @@ impl Packing {
             + match self.codec {
                 Codec::None => 0,
                 Codec::Gzip | Codec::Zlib => STREAM,
-                Codec::Zstd => ZSTD + zstd_window(place)?,
+                Codec::Zstd => ZSTD + zstd_window(place, bytes)?,
                 Codec::Lz4 => bytes + place.length,
                 Codec::Blosc => blosc::Header::read(place)?.memory_bytes(),
             })
@@ -194,8 +194,8 @@ fn check(file: &PositionalFile, at: u64, length: u64) -> io::Result<()> {
     if sum.to_le_bytes() == stated { Ok(()) } else { Err(damaged("its checksum")) }
 }
 
-/// The window of a zstd frame (RFC 8878, section 3.1.1.1).
-fn zstd_window(place: &Place) -> io::Result<u64> {
+/// The window of a zstd frame (RFC 8878, section 3.1.1.1) of a chunk of `bytes` bytes.
+fn zstd_window(place: &Place, bytes: u64) -> io::Result<u64> {
     const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
     let mut head = [0; 18];
     let there = usize::try_from(place.length).unwrap_or(usize::MAX).min(head.len());
@@ -210,9 +210,10 @@ fn zstd_window(place: &Place) -> io::Result<u64> {
     }
     // A single segment: the window is the content, whose length follows the dictionary's number.
     let from = 5 + [0, 1, 2, 4][usize::from(descriptor & 3)];
-    let bytes = [1, 2, 4, 8][usize::from(descriptor >> 6)];
+    let digits = [1, 2, 4, 8][usize::from(descriptor >> 6)];
     let mut length = [0; 8];
-    length[..bytes].copy_from_slice(&head[from..from + bytes]);
-    let more = if bytes == 2 { 256 } else { 0 };
-    Ok(u64::from_le_bytes(length).saturating_add(more))
+    length[..digits].copy_from_slice(&head[from..from + digits]);
+    let more = if digits == 2 { 256 } else { 0 };
+    let stated = u64::from_le_bytes(length).saturating_add(more);
+    if stated <= bytes { Ok(stated) } else { Err(damaged("its length")) }
 }

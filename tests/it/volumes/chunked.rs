@@ -331,6 +331,9 @@ fn damaged_arrays_are_refused_with_the_file_and_the_reason() {
     refused(&at.join("a"), &["1.1.1", "damaged"]);
     fs::write(&chunk, zstd(&[0; 100])).unwrap();
     refused(&at.join("a"), &["1.1.1", "cut short"]);
+    // A frame that states the greatest length.
+    fs::write(&chunk, [&[0x28, 0xb5, 0x2f, 0xfd, 0xe0][..], &[0xff; 16]].concat()).unwrap();
+    refused(&at.join("a"), &["1.1.1", "damaged (its length)"]);
     // A checksum behind each chunk, and behind the index of a shard.
     put_shards(&at.join("s"), &object);
     let shard = at.join("s/c/0/0/0");
@@ -343,6 +346,11 @@ fn damaged_arrays_are_refused_with_the_file_and_the_reason() {
     }
     fs::write(&shard, &whole[..60]).unwrap();
     refused(&at.join("s"), &["c/0/0/0", "cut short"]);
+    let head = fs::read_to_string(at.join("s/zarr.json")).unwrap();
+    let vast = head.replace("[16,32,32]", "[17179869184,34359738368,34359738368]");
+    assert!(vast != head);
+    fs::write(at.join("s/zarr.json"), vast).unwrap();
+    refused(&at.join("s"), &["zarr.json", "thousands of millions of chunks"]);
     // Metadata that promises too much, or says something else.
     let good = version_2(&object, &Value::Null);
     for (key, value, words) in [

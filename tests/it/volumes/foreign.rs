@@ -297,6 +297,7 @@ fn headers_before_raw_samples_are_placed_or_refused_with_the_way_out() {
         ("a.mrc", word(&mrc(&float, false), &[(4, 4)]), ["complex numbers", "as MODE 2"]),
         ("a.mrc", word(&map, &[(4, 101)]), ["samples of MODE 101", "as MODE 0"]),
         ("a.mrc", word(&map, &[(17, 2)]), ["does not state MAPC", "damaged"]),
+        ("a.mrc", word(&map, &[(17, 1 << 31)]), ["does not state MAPC", "damaged"]),
         ("a.mrc", stack, ["a stack of 8 pictures", "reconstruct a volume"]),
         ("a.vgi", text(&vgi, "= raw", "= tiff"), ["the format `tiff`", "export it as raw"]),
         ("a.vgi", text(&vgi, "Name = a.vol", "Name = /etc/passwd"), ["not in the folder", "/etc/passwd"]),
