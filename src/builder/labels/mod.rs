@@ -13,7 +13,7 @@ mod ring;
 mod wall;
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 
@@ -246,6 +246,10 @@ impl Solid for LabelSolid<'_> {
         Ok(found.iter().map(label).collect())
     }
 
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.source.for_each_file(each);
+    }
+
     fn check_unchanged(&self) -> Result<(), SourceError> {
         self.source.check_unchanged()
     }
@@ -280,6 +284,30 @@ impl Solid for LabelSolid<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Orientation;
+    use crate::source::{RawOptions, RawVolume};
+    use crate::volume::{Endian, ScalarType};
+
+    #[test]
+    fn files_of_the_volume_are_files_of_the_solid() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.raw");
+        std::fs::write(&path, [1; 8]).unwrap();
+        let raw = RawOptions {
+            dims: Dims::new(2, 2, 2).unwrap(),
+            scalar: ScalarType::U8,
+            endian: Endian::Little,
+            spacing_mm: [1.0; 3],
+            skip: 0,
+            orientation: Orientation::LPS,
+        };
+        let volume = RawVolume::open(std::slice::from_ref(&path), &raw).unwrap();
+        let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
+        let solid = label_solid(&volume, &LabelChoice::All, &options).unwrap();
+        let mut files = Vec::new();
+        solid.for_each_file(&mut |file| files.push(file.to_path_buf()));
+        assert_eq!(files, [path]);
+    }
 
     #[test]
     fn labels_are_chosen_by_number_and_range() {
