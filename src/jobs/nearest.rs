@@ -3,6 +3,7 @@
 use std::num::NonZero;
 use std::thread;
 
+use super::pass::on_threads;
 use crate::error::Error;
 use crate::fault::usage;
 use crate::load::{Model, NodeView};
@@ -120,15 +121,8 @@ pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
         wanted.for_each(|(point, answer)| *answer = Answer::of(&mut search, *point));
     };
     let part = points.len().div_ceil(threads.max(1)).max(PART);
-    if part >= points.len() {
-        work(points, &mut answers);
-    } else {
-        thread::scope(|scope| {
-            for (points, answers) in points.chunks(part).zip(answers.chunks_mut(part)) {
-                scope.spawn(|| work(points, answers));
-            }
-        });
-    }
+    let parts = points.chunks(part).zip(answers.chunks_mut(part));
+    on_threads(parts.len(), parts, |(points, answers)| work(points, answers));
     progress.check().map_err(|_| Error::Stopped)?;
     Ok(NearestPoints {
         distance_mm: answers.iter().map(|answer| answer.distance_mm).collect(),

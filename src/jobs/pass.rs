@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use super::export::commit;
@@ -107,12 +108,8 @@ impl Pass<'_> {
             if count == 0 {
                 return Ok(());
             }
-            thread::scope(|scope| {
-                let mut busy = workers.iter_mut().filter(|(_, _, rows)| !rows.is_empty());
-                let own = busy.next();
-                busy.for_each(|worker| drop(scope.spawn(|| work(worker))));
-                own.map(work)
-            });
+            let busy = count.div_ceil(CHUNK);
+            on_threads(busy, workers.iter_mut().take(busy), &work);
             self.progress.advance(count as u64);
             if self.progress.stopped() {
                 return Err(Error::Stopped);
@@ -120,6 +117,21 @@ impl Pass<'_> {
             workers.iter().flat_map(|(_, _, rows)| rows).try_for_each(&mut each)?;
         }
     }
+}
+
+/// Works on all items with at most `threads` threads: this one, and others as far as the system starts them.
+pub(super) fn on_threads<T>(threads: usize, items: impl Iterator<Item = T> + Send, work: impl Fn(T) + Sync) {
+    let items = Mutex::new(items);
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let run = || {
+        while let Some(item) = next() {
+            work(item);
+        }
+    };
+    thread::scope(|scope| {
+        (1..threads).for_each(|_| drop(thread::Builder::new().spawn_scoped(scope, run)));
+        run();
+    });
 }
 
 /// Outputs of a pass: values in an unnamed file, rows in a table.

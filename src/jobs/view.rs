@@ -113,11 +113,15 @@ pub fn view(
                     Ok(true) if answering.load(Ordering::Acquire) < few.min(MAX_CLIENTS) => {
                         answering.fetch_add(1, Ordering::AcqRel);
                         let (server, answering) = (&server, &answering);
-                        scope.spawn(move || {
+                        let answer = move || {
                             // An early close by the client is not an error.
                             let _gone = server.answer(client);
                             answering.fetch_sub(1, Ordering::AcqRel);
-                        });
+                        };
+                        // Without a thread the client is dropped, and may ask again.
+                        if std::thread::Builder::new().spawn_scoped(scope, answer).is_err() {
+                            answering.fetch_sub(1, Ordering::AcqRel);
+                        }
                     }
                     Ok(_) => waiting.push(client),
                     Err(refused) => drop(client.refuse(refused)),

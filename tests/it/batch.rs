@@ -275,6 +275,25 @@ fn jobs_share_the_file_descriptors() {
 }
 
 #[test]
+fn work_is_done_where_no_thread_can_be_started() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), text(&folder.path().join("out")));
+    write_ball(&top, "1.2.3.1", 8.0);
+    let (top, model) = (text(&top), text(&folder.path().join("m.oct")));
+    assert_eq!(oct(&["build", "synthetic:gyroid@48", "-o", &model, "--iso", "0.5"]).code, 0);
+    for args in [
+        &["batch", &top, "--out", &out, "--jobs", "2", "--iso", "100"][..],
+        &["thickness", &model, "--threads", "2"],
+        &["compare", &model, &model, "--threads", "2"],
+    ] {
+        // A stack longer than any address space.
+        let run = Command::new(binary()).args(args).env("RUST_MIN_STACK", "1000000000000000").output();
+        let run = Run::of(&run.unwrap());
+        assert_eq!(run.code, 0, "{args:?}: {run:?}");
+    }
+}
+
+#[test]
 fn results_inside_the_searched_folder_are_not_inputs() {
     let folder = tempfile::tempdir().unwrap();
     write_ball(&folder.path().join("one"), "1.2.3.1", 8.0);

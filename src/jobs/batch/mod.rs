@@ -223,19 +223,21 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         burned_in: [const { AtomicU64::new(0) }; BurnedIn::ALL.len()],
     };
     let next = AtomicUsize::new(0);
+    let convert = |slot| {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            if at >= run.catalogue.len() || run.is_broken() {
+                break;
+            }
+            run.convert_item(slot, at);
+            run.watcher.advance();
+        }
+    };
     std::thread::scope(|scope| {
-        for slot in 0..jobs {
-            let (run, next) = (&run, &next);
-            scope.spawn(move || {
-                loop {
-                    let at = next.fetch_add(1, Ordering::Relaxed);
-                    if at >= run.catalogue.len() || run.is_broken() {
-                        break;
-                    }
-                    run.convert_item(slot, at);
-                    run.watcher.advance();
-                }
-            });
+        let start = |slot| std::thread::Builder::new().spawn_scoped(scope, move || convert(slot));
+        // Fewer jobs where the system refuses threads.
+        if (0..jobs).filter(|slot| start(*slot).is_ok()).count() == 0 {
+            convert(0);
         }
     });
     if let Some(error) = run.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
