@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use infobyte::Error;
+use infobyte::jobs::build::is_other_kind;
 use infobyte::text::call;
 use tempfile::TempDir;
 
@@ -111,14 +112,6 @@ fn put(written: io::Result<()>) -> Result<ExitCode, Error> {
     }
 }
 
-/// Suffixes of files that are neither models nor PNG pictures.
-const OTHERS: &[&str] = &[
-    "3mf", "am", "avi", "bmp", "bz2", "csg", "csv", "dcm", "dicom", "gif", "glb", "gltf", "gz", "hdr",
-    "heic", "htm", "html", "ima", "img", "jp2", "jpeg", "jpg", "json", "md", "mgh", "mgz", "mha", "mhd",
-    "mp4", "mrc", "nhdr", "nii", "npy", "npz", "nrrd", "obj", "off", "pdf", "ply", "raw", "stl", "svg",
-    "tar", "tif", "tiff", "toml", "txt", "vgi", "vol", "vtk", "webp", "xml", "zarr", "zip", "zst",
-];
-
 /// Refuses a suffix that belongs to another kind of file.
 fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusal> {
     let suffix = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -129,7 +122,7 @@ fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusa
         // The suffix selects the form.
         Written::Export => return Ok(()),
     };
-    if !force && (suffix == foreign || OTHERS.contains(&suffix.as_str())) {
+    if !force && (suffix == foreign || is_other_kind(&suffix)) {
         return Err(Refusal::Suffix { path: path.to_path_buf(), written });
     }
     Ok(())

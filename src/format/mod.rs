@@ -7,6 +7,7 @@
 pub mod cell;
 mod channel;
 mod error;
+mod faces;
 mod header;
 mod kind;
 mod label;

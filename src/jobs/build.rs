@@ -44,6 +44,20 @@ use crate::text::data;
 use crate::text::names::{GRADIENT, OUTPUT};
 use crate::volume::{Preparation, SourceError, SourceFault, VolumeSource, Workspace, sentences};
 
+/// Suffixes of files that are neither models nor PNG pictures.
+const OTHER_KINDS: &[&str] = &[
+    "3mf", "am", "avi", "bmp", "bz2", "csg", "csv", "dcm", "dicom", "gif", "glb", "gltf", "gz", "hdr",
+    "heic", "htm", "html", "ima", "img", "jp2", "jpeg", "jpg", "json", "md", "mgh", "mgz", "mha", "mhd",
+    "mp4", "mrc", "nhdr", "nii", "npy", "npz", "nrrd", "obj", "off", "pdf", "ply", "raw", "stl", "svg",
+    "tar", "tif", "tiff", "toml", "txt", "vgi", "vol", "vtk", "webp", "xml", "zarr", "zip", "zst",
+];
+
+/// True for the suffix of a file that is neither a model nor a PNG picture, in lower case and without its dot.
+#[must_use]
+pub fn is_other_kind(suffix: &str) -> bool {
+    OTHER_KINDS.contains(&suffix)
+}
+
 /// Bytes of mesh files beyond which a grid of 512 voxels would lose detail: some million triangles.
 const LARGE_MESH: u64 = 64 << 20;
 

@@ -9,7 +9,7 @@ pub use report::{
 use std::fmt::Write;
 use std::path::Path;
 
-use super::measure::{LabelMeasures, Measures, label_volume_error, measure, measure_labels};
+use super::measure::{LabelMeasures, Measures, label_volume_error, measure_labels, measure_until};
 use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
@@ -19,6 +19,7 @@ use crate::format::{
 use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault, Model};
 use crate::platform::PositionalFile;
+use crate::progress::{Progress, Silent};
 use crate::text::names::{MEASURE, VERIFY};
 use crate::text::{Short, WithError, data, shown};
 use crate::volume::ScalarType;
@@ -78,7 +79,7 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         Measured::Large
     } else {
         let model = open_model(path)?;
-        let measured = Measured::of(&model);
+        let measured = Measured::of(&model, &Silent);
         model.check_unchanged(path)?;
         measured
     });
@@ -238,7 +239,8 @@ fn what_it_is(frame: &Frame) -> String {
         let _ = write!(text, ", {} larger leaves", leaves(frame));
     }
     if !frame.labels.is_empty() {
-        let _ = write!(text, ", {} labels", frame.labels.len());
+        let labels = frame.labels.len();
+        let _ = write!(text, ", {labels} label{}", if labels == 1 { "" } else { "s" });
     }
     text
 }
@@ -296,15 +298,15 @@ fn file_rows(frame: &Frame) -> Vec<(String, String)> {
 }
 
 impl Measured {
-    /// Measures a model, or each of its labels.
-    pub(crate) fn of<D: AsRef<[u8]> + Sync>(model: &Model<D>) -> Self {
+    /// Measures a model, or each of its labels; of no use once `progress` stops it.
+    pub(crate) fn of<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progress) -> Self {
         let (view, table) = (model.view(), &model.frame().labels);
         if !table.is_empty() {
-            let found = measure_labels(&view, table, model.dims(), &model.affine());
+            let found = measure_labels(&view, table, model.dims(), &model.affine(), progress);
             return found.map_or(Self::Impossible, Self::Labels);
         }
         let is_part = model.metadata().seen_from().is_some();
-        let found = measure(&view, model.dims(), &model.affine(), is_part);
+        let found = measure_until(&view, model.dims(), &model.affine(), is_part, progress);
         found.map_or(Self::Impossible, |found| Self::Done(found.with_leaves(model.metadata())))
     }
 

@@ -25,6 +25,7 @@ use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::{Metadata, normal};
 use crate::geom::{Affine, Dims, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
+use crate::progress::{Progress, Silent};
 use crate::render::GridSpace;
 
 /// Neighbours whose normals are at least 30 degrees apart (as a cosine) lie at an edge.
@@ -81,6 +82,17 @@ impl Measures {
 /// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part` is set if it keeps only
 /// what can be seen from somewhere.
 pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
+    measure_until(view, dims, affine, is_part, &Silent)
+}
+
+/// [`measure`]; `None` as well once `progress` stops it.
+pub(super) fn measure_until(
+    view: &ModelView<'_>,
+    dims: Dims,
+    affine: &Affine,
+    is_part: bool,
+    progress: &dyn Progress,
+) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let Bounds { voxels, box_mm } = bounds(view, &space)?;
     let cells = view.cells().is_some();
@@ -92,6 +104,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
     for z in voxels[0][2]..voxels[1][2] {
+        progress.check().ok()?;
         let skin = slices.slice(z)?;
         seen += skin.iter().filter(|voxel| voxel.is_surface()).count() as u64;
         bends.begin();

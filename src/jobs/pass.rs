@@ -109,7 +109,7 @@ impl Pass<'_> {
                 return Ok(());
             }
             let busy = count.div_ceil(CHUNK);
-            on_threads(busy, workers.iter_mut().take(busy), &work);
+            on_threads(busy, workers.iter_mut().take(busy), work);
             self.progress.advance(count as u64);
             if self.progress.stopped() {
                 return Err(Error::Stopped);

@@ -239,11 +239,14 @@ impl Handle {
     }
 
     fn info(&self, py: Python<'_>, measured: bool) -> PyResult<String> {
-        self.with(py, |model| {
-            let measured = measured.then(|| Measured::of(model));
-            let info = Info { input: data(&self.path), frame: model.frame().clone(), measured };
+        let info = |measured| {
+            let info = Info { input: data(&self.path), frame: self.model.frame().clone(), measured };
             serde_json::to_string(&info.json()).map_err(|_| Error::Internal)
-        })
+        };
+        if !measured {
+            return self.with(py, |_| info(None));
+        }
+        watched(py, None, |progress| self.unchanged(|| info(Some(Measured::of(&self.model, progress)))))
     }
 
     /// Width, height, and RGBA of every pixel.

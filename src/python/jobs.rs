@@ -18,7 +18,7 @@ use crate::builder::{BuildNote, Threshold};
 use crate::error::Error;
 use crate::export::ExportForm;
 use crate::geom::{Affine, Dims};
-use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each};
+use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each, is_other_kind};
 use crate::jobs::compare::{CompareOutputs, CompareRequest};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
@@ -28,12 +28,27 @@ use crate::jobs::render::RenderRequest;
 use crate::jobs::thickness::{Method, ThicknessOutputs, ThicknessRequest};
 use crate::progress::Progress;
 use crate::source::SubjectKind;
+use crate::text::shown;
 use crate::volume::{ScalarType, SourceError, VolumeSource, VolumeView, sentences};
 
 type Watcher<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
 fn json(py: Python<'_>, report: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(report).map_err(|error| usage(py, &error.to_string()))
+}
+
+/// Refuses the name of another kind of file for a model.
+#[pyfunction]
+pub(super) fn check_name(py: Python<'_>, output: PathBuf) -> PyResult<()> {
+    let suffix = output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if suffix != "png" && !is_other_kind(&suffix) {
+        return Ok(());
+    }
+    let name = shown(&output);
+    Err(usage(
+        py,
+        &format!("{name}: is named as another kind of file; name the model .oct, or add force=True"),
+    ))
 }
 
 /// Builds the inputs at some paths.

@@ -54,6 +54,7 @@ fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
     spell(spelled);
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<handle::Handle>()?;
+    module.add_function(wrap_pyfunction!(jobs::check_name, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::build_files, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::build_array, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::build_stored, module)?)?;

@@ -2,6 +2,7 @@
 
 use crate::cpu::{Form, Kernel, Lanes};
 use crate::fault::{Fault, unfit};
+use crate::format::Walls;
 use crate::format::cell::{CORNERS, Plane};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
@@ -151,9 +152,9 @@ impl GridSpace {
         self.support_within(view, direction, finest, None)
     }
 
-    /// [`GridSpace::support`] of the inside: in cells the part behind the surface; for labels, of their cells.
+    /// [`GridSpace::support`] of the inside: in cells the part behind the surface, or with a label.
     pub(crate) fn support_of_inside(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
-        let cells = view.cells().filter(|cells| !cells.has_walls() && self.dims.depth() <= FINEST_DEPTH);
+        let cells = view.cells().filter(|_| self.dims.depth() <= FINEST_DEPTH);
         self.support_within(view, direction, 0, cells.as_ref())
     }
 
@@ -199,6 +200,11 @@ impl GridSpace {
                     continue;
                 }
                 if level - 1 == finest {
+                    let walls = cells.and_then(|_| view.walls(child.voxel(view.node_count()).get()));
+                    if let Some(walls) = walls {
+                        best = best.max(way.bound_of_walls(&walls, at));
+                        continue;
+                    }
                     best = best.max(
                         match cells.map(|cells| cells.shape(child.voxel(view.node_count()).get())) {
                             Some(CellShape::Plane(plane)) => way.bound_of_leaf(&plane, at, half),
@@ -303,6 +309,12 @@ impl Way<'_> {
             }
         }
         most
+    }
+
+    /// Greatest value within the labelled part of a finest cell.
+    fn bound_of_walls(&self, walls: &Walls, low: [u32; 3]) -> f64 {
+        let at = |u: [f64; 3]| self.bound_at(std::array::from_fn(|a| f64::from(low[a]) + (1.0 + u[a]) / 2.0));
+        walls.labelled(&walls.faces()).into_iter().map(at).fold(f64::NEG_INFINITY, f64::max)
     }
 
     fn bound_at(&self, at: [f64; 3]) -> f64 {

@@ -113,9 +113,12 @@ fn every_label_of_real_maps_has_a_model_of_its_own_cells() {
 #[test]
 fn models_of_random_labels_are_taken_from_one_build_whatever_their_shape() {
     let folder = tempfile::tempdir().unwrap();
-    for (dims, kinds, block) in
-        [([70, 33, 40], if long() > 1 { 117 } else { 30 }, 3), ([1, 1, 1], 1, 1), ([5, 1, 64], 3, 2), ([40, 40, 40], 300, 1)]
-    {
+    for (dims, kinds, block) in [
+        ([70, 33, 40], if long() > 1 { 117 } else { 30 }, 3),
+        ([1, 1, 1], 1, 1),
+        ([5, 1, 64], 3, 2),
+        ([40, 40, 40], 300, 1),
+    ] {
         let mut random = Random(7);
         let mut object = Object::new(dims, infobyte::ScalarType::U16, [1.0, 0.5, 2.0]);
         let shuffled: Vec<u16> = (0..64 * 64 * 64).map(|_| random.below(kinds) + 1).collect();

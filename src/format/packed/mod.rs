@@ -9,7 +9,7 @@
 //! | `directions` | normals of a group, from the voxels around |
 //! | `distances` | offsets of a group's cells, from the planes around |
 //! | `planes` | everything else: differences, byte planes, zstd |
-//! | [`CodingError`] | what can be wrong with coded bytes |
+//! | `CodingError` | what can be wrong with coded bytes |
 //!
 //! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot disagree about
 //! a context.

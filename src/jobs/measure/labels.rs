@@ -9,10 +9,10 @@
 
 use super::{Bend, Bends, Bounds, Weights, are_uneven, bounds};
 use crate::enclosed::SkinSlices;
-use crate::format::cell::Plane;
 use crate::format::{Label, Walls};
 use crate::geom::{Affine, Dims, cross, dot};
 use crate::load::ModelView;
+use crate::progress::Progress;
 use crate::render::GridSpace;
 
 /// Measures of a model of labels, in millimetres.
@@ -27,12 +27,14 @@ pub struct LabelMeasures {
     pub areas_mm2: Vec<Option<(f64, f64)>>,
 }
 
-/// Measures the labels of a model with this table; `None` for one without a voxel, without a volume, or damaged.
+/// Measures the labels of a model with this table; `None` for one without a voxel, without a volume, or damaged,
+/// and once `progress` stops it.
 pub(in crate::jobs) fn measure_labels(
     view: &ModelView<'_>,
     table: &[Label],
     dims: Dims,
     affine: &Affine,
+    progress: &dyn Progress,
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let Bounds { voxels, box_mm: cells_mm } = bounds(view, &space)?;
@@ -44,14 +46,15 @@ pub(in crate::jobs) fn measure_labels(
     let place = |number: u16| table.binary_search_by_key(&number, |label| label.number).ok();
     let known = !are_uneven(affine);
     for z in if known { voxels[0][2]..voxels[1][2] } else { 0..0 } {
+        progress.check().ok()?;
         bends.begin();
         for voxel in slices.slice(z)? {
             let Some(found) = view.walls(voxel.voxel.get()) else { continue };
             let patch = voxel.code(view).and_then(|code| weights.patch(code, None, [voxel.y, voxel.x]));
             let patch = patch.filter(|_| found.planes().len() == 1);
-            let faces = faces(&found);
+            let faces = found.faces();
             let middle = [voxel.x, voxel.y, z].map(f64::from);
-            for u in labelled(&found, &faces) {
+            for u in found.labelled(&faces) {
                 let at = affine.apply(std::array::from_fn(|a| middle[a] + u[a] / 2.0));
                 for (a, value) in at.into_iter().enumerate() {
                     (box_mm[0][a], box_mm[1][a]) = (value.min(box_mm[0][a]), value.max(box_mm[1][a]));
@@ -104,73 +107,7 @@ struct WallArea {
 
 /// The walls of a cell whose edges are these axes: the labels behind and in front, and the area.
 pub(in crate::jobs) fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 2], f64)> {
-    faces(walls).into_iter().map(|(labels, face)| (labels, area(&face, axes))).collect()
-}
-
-/// Corners of the labelled part of a cell, in its own coordinates.
-fn labelled(walls: &Walls, faces: &[([u16; 2], Vec<[f64; 3]>)]) -> Vec<[f64; 3]> {
-    let corners = (0..8).filter(|corner| walls.corner(*corner) > 0);
-    let at = |corner: usize| std::array::from_fn(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 });
-    let ends = faces.iter().filter(|(labels, _)| labels.contains(&0)).flat_map(|(_, face)| face);
-    corners.map(at).chain(ends.copied()).collect()
-}
-
-/// The walls of a cell: the labels behind and in front, and the polygon in the cell's own coordinates.
-fn faces(walls: &Walls) -> Vec<([u16; 2], Vec<[f64; 3]>)> {
-    let planes = walls.planes();
-    let mut found = Vec::new();
-    for (i, plane) in planes.iter().enumerate() {
-        // The other planes cut it into parts.
-        for others in (0..1_usize << planes.len()).filter(|bits| bits >> i & 1 == 0) {
-            let labels = [others, others | 1 << i].map(|fronts| walls.label(fronts));
-            if labels[0] == labels[1] {
-                continue;
-            }
-            let mut face = square(plane);
-            for (j, other) in planes.iter().enumerate().filter(|(j, _)| *j != i) {
-                face = clipped(&face, other, others >> j & 1 == 1);
-            }
-            for side in [0, 1, 2, 3, 4, 5] {
-                let mut normal = [0; 3];
-                normal[side / 2] = if side % 2 == 0 { 1 } else { -1 };
-                face = clipped(&face, &Plane { normal, offset: 1 }, false);
-            }
-            found.push((labels, face));
-        }
-    }
-    found
-}
-
-/// A part of a plane that covers the cell.
-fn square(plane: &Plane) -> Vec<[f64; 3]> {
-    let n = plane.normal.map(f64::from);
-    let longest = (0..3).fold(0, |best, a| if n[a].abs() > n[best].abs() { a } else { best });
-    let (u, v) = ((longest + 1) % 3, (longest + 2) % 3);
-    let corner = |[p, q]: [f64; 2]| {
-        let mut at = [0.0; 3];
-        (at[u], at[v]) = (p, q);
-        at[longest] = (f64::from(plane.offset) - n[u] * p - n[v] * q) / n[longest];
-        at
-    };
-    [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec()
-}
-
-/// The part of a polygon behind a plane, or in front of it (Sutherland and Hodgman 1974).
-fn clipped(face: &[[f64; 3]], plane: &Plane, front: bool) -> Vec<[f64; 3]> {
-    let sign = if front { 1.0 } else { -1.0 };
-    let kept = |at: &[f64; 3]| sign * (dot(plane.normal.map(f64::from), *at) - f64::from(plane.offset));
-    let mut left = Vec::with_capacity(face.len() + 1);
-    for (at, next) in face.iter().zip(face.iter().cycle().skip(1)) {
-        let (here, there) = (kept(at), kept(next));
-        if here >= 0.0 {
-            left.push(*at);
-        }
-        if (here >= 0.0) != (there >= 0.0) {
-            let t = here / (here - there);
-            left.push(std::array::from_fn(|a| at[a] + t * (next[a] - at[a])));
-        }
-    }
-    left
+    walls.faces().into_iter().map(|(labels, face)| (labels, area(&face, axes))).collect()
 }
 
 /// Area of a flat polygon in a cell's own coordinates, whose edges, two long there, are these axes.
@@ -194,6 +131,7 @@ fn area(face: &[[f64; 3]], axes: &[[f64; 3]; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::format::cell::Plane;
     use crate::format::{WallItem, normal};
 
     const CUBE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -34,7 +34,7 @@ def build(
     iso: float | None = None,
     range: tuple[float, float] | None = None,
     preset: Preset | None = None,
-    labels: str | Sequence[int] | None = None,
+    labels: str | int | Sequence[int] | None = None,
     names: Path | Mapping[int, str] | None = None,
     keep_names: bool = False,
     smooth: float | None = None,
@@ -76,9 +76,12 @@ def build(
     dtype: str | None = None,
     skip: int | None = None,
     scratch: Path | None = None,
+    force: bool = False,
     progress: Progress = None,
 ) -> Model:
-    """Builds the surface octree of a volume, a mesh or a tree of solids into the file `output`.
+    """Builds the surface octree of a volume, a mesh or a tree of solids into the file `output`, which is replaced.
+
+    A name of another kind of file, such as `scan.nii.gz`, is refused without `force`.
 
     `source` is one of
     - a path or a list of paths, of any format of `oct build`: DICOM, NIfTI, NRRD, MetaImage, TIFF, raw, STL, PLY, OBJ,
@@ -94,7 +97,8 @@ def build(
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
-      included. `names`: their names by number, or a table as `oct build --names` takes it. `keep_names`: as the flag.
+      included. `names`: their names by number, or the path of a table as `oct build --names` takes it: CSV or TSV
+      with columns `label`, `name` and, where colours are given, `color` (`#rrggbb`). `keep_names`: as the flag.
       `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel. Labels are stored as cells.
     - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours
       share their walls. Files of these names are replaced.
@@ -152,6 +156,10 @@ def build(
         raise UsageError("each is of labels; give labels, too")
     if unit not in UNITS:
         raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
+    if labels is True:
+        raise TypeError("labels=True does not say which; give 'all', numbers, or text such as '1,5,7..20'")
+    if isinstance(labels, int):
+        labels = [labels]
     share = memory if isinstance(memory, int) else _infobyte.size(memory)
     if smooth is not None and labels is None:
         raise UsageError("smooth is for labels; give labels, too")
@@ -178,7 +186,10 @@ def build(
         "each": None if each is None else os.fspath(each), "affine": None, "rescale": None,
     }  # fmt: skip
     if hasattr(names, "items"):
-        asked["build"]["label_names"] = [{"number": int(number), "name": str(name)} for number, name in sorted(names.items())]
+        for number, name in names.items():
+            if not isinstance(name, str):
+                raise TypeError(f"names[{number!r}]={name!r} is not text; colours come from a table of names")
+        asked["build"]["label_names"] = [{"number": int(number), "name": name} for number, name in sorted(names.items())]
     elif names is not None:
         asked["names"] = os.fspath(names)
     if volume is not None and index:
@@ -191,6 +202,8 @@ def build(
         return asked
 
     target = os.fspath(output)
+    if not force:
+        _infobyte.check_name(target)
     with bar(progress) as told:
         paths = _sources.paths_of(source)
         if paths is not None:
@@ -366,6 +379,8 @@ def _finite(name: str, value: float | None) -> float | None:
 
 
 def _three(value: Any) -> list[float]:
+    if isinstance(value, str):
+        raise TypeError(f"spacing={value!r} is text; give a number or three")
     numbers = np.broadcast_to(np.asarray(value, float), 3) if np.ndim(value) == 0 else np.asarray(value, float)
     if numbers.shape != (3,) or not (np.isfinite(numbers).all() and (numbers > 0).all()):
         raise UsageError(f"spacing={value!r} is not one distance in mm, or three, each above 0")

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _infobyte
 from ._errors import UsageError
-from ._model import Model, _threads, loads
+from ._model import Model, _threads, loads, whole
 from ._progress import bar
 
 if TYPE_CHECKING:
@@ -47,20 +47,22 @@ def compare(
     default. `threshold_sigma`: standard deviation of the threshold of `actual`, in its values. `output`: a model with the deviations as values; `csv`: a table of all cells. `table=True` adds this table
     under `table`, as a structured array, which `pandas.DataFrame` takes. Costs a microsecond or two a cell.
 
-    Raises `InputError` for a skin of voxels, labels, or axes that are not at right angles; `UsageError` for a placement that
-    scales or shears.
+    Raises `InputError` for a skin of voxels, labels, axes that are not at right angles, and larger leaves (`error`) of
+    `actual`: to see what they cost, give that model as `nominal`. `UsageError` for a placement that scales or shears.
 
     >>> report = infobyte.compare('ball.oct', 'ball.oct', tolerance=0.1, table=True)
     >>> report['tolerance']['verdict'], report['deviation']['max'], report['table'].dtype.names[3]
     ('conforms', 0.0, 'deviation_mm')
     """
+    if isinstance(tolerance, str):
+        raise TypeError(f"tolerance={tolerance!r} is text; give a number or two")
     matrix = np.eye(4)[:3] if placement is None else np.asarray(placement, np.float64)[:3]
     if matrix.shape != (3, 4):
         raise UsageError("placement has three rows of four numbers, or four")
     limits = [-tolerance, tolerance] if isinstance(tolerance, int | float) else tolerance
     asked = {
         "radius_mm": radius, "tolerance_mm": limits, "angle_deg": float(angle), "placement": matrix.tolist(), "fit": bool(fit),
-        "threshold_sigma": threshold_sigma, "both_ways": bool(both_ways), "worst": worst, "iso": iso, "threads": _threads(threads),
+        "threshold_sigma": threshold_sigma, "both_ways": bool(both_ways), "worst": whole("worst", worst), "iso": iso, "threads": _threads(threads),
         "memory_bytes": memory if isinstance(memory, int) else _infobyte.size(memory),
     }  # fmt: skip
     files = tuple(_path(of) for of in (actual, nominal))
@@ -149,7 +151,7 @@ def pores(
 
     with tempfile.TemporaryDirectory() as folder, bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
-        report = loads(_infobyte.pores(_path(model), listed, (bool(bodies), least, bool(gap)), told))
+        report = loads(_infobyte.pores(_path(model), listed, (bool(bodies), whole("least", least), bool(gap)), told))
         columns = np.dtype(_PORES + [("gap_mm", "f8")] * bool(gap))
         rows = np.empty(0, columns)
         if report["bodies" if bodies else "pores"]:

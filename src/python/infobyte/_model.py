@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, overload
@@ -35,12 +36,12 @@ class Hits(NamedTuple):
     normal: NDArray[np.float64]
     """`S` x 3: unit vector out of the surface, in LPS; NaN where nothing is met, or the model has no normals."""
     voxel: NDArray[np.int64]
-    """`S`: the number of the voxel or cell, its row in `Model.voxels()`; -1 where nothing is met."""
+    """`S`: the number of the voxel or cell, its row in `Model.voxels()`; -1 in a larger leaf, and where nothing is met."""
 
     @property
     def is_hit(self) -> NDArray[np.bool_]:
         """`S`: does the ray meet the model?"""
-        return self.voxel >= 0
+        return np.isfinite(self.t)
 
 
 class Nearest(NamedTuple):
@@ -269,7 +270,7 @@ class Model:
 
         `layers`: any of `depth`, `position`, `normals`, `ids`. The result is a dict then, with the picture as `color`, and
         `depth`: H x W float64, mm along the line of sight, infinity where nothing is hit; `position`, `normals`: H x W x 3
-        float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, or -1. They are of
+        float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, -1 in larger leaves and where nothing is hit. They are of
         exact voxels of the whole model through the middle of each pixel, whatever `lod`, `clip` and the labels say.
 
         `progress` as that of `build`. Ctrl-C stops a picture, as it stops rays, builds, exports and measurements.
@@ -400,6 +401,9 @@ class Model:
 
     def first_hits(self, origins: ArrayLike, directions: ArrayLike, *, threads: int | None = None) -> Hits:
         """The first hits of rays, exactly: no ray slips between voxels that share a face or an edge.
+
+        A ray that starts inside the solid ends where it enters the first cell of the surface, up to a cell (or larger leaf)
+        before the surface; `nearest` and `infobyte.thickness` measure from inside.
 
         `origins` and `directions`: ... x 3, x, y, z in LPS mm, broadcast against each other; directions of any length.
         `threads`: all cores by default; the hits do not depend on it.
@@ -545,12 +549,20 @@ class Model:
 
 
 def _refuse_no_triangles(count: int | None) -> None:
-    if count is not None and count < 1:
+    if count is not None and whole("triangles", count) < 1:
         raise UsageError(f"triangles is {count}; give 1 or more")
 
 
-def _labels(labels: Sequence[Label] | None) -> list[str] | None:
-    return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, str) else labels)]
+def _labels(labels: Label | Sequence[Label] | None) -> list[str] | None:
+    return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, (str, int)) else labels)]
+
+
+def whole(name: str, value: Any) -> int:
+    """A whole number, as any of its types."""
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}={value!r} is not a whole number") from None
 
 
 def loads(text: str) -> dict[str, Any]:
@@ -565,7 +577,7 @@ def _opened(path: str, mmap: bool) -> Model:
 
 
 def _threads(threads: int | None) -> int:
-    if threads is not None and not 1 <= threads <= 1024:
+    if threads is not None and not 1 <= whole("threads", threads) <= 1024:
         raise UsageError(f"threads={threads} makes no sense; choose 1 to 1024")
     return threads or len(os.sched_getaffinity(0))
 
@@ -585,9 +597,9 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Any, Any, tuple[in
 
 def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int, int]]:
     """The request of a picture, and its sides."""
-    width, height = (size, size) if isinstance(size, int) else size
+    width, height = size if isinstance(size, (tuple, list)) and len(size) == 2 else (size, size)
     for name, side in (("width", width), ("height", height)):
-        if not 1 <= int(side) <= 32768:
+        if not 1 <= whole("size" if side is size else name, side) <= 32768:
             raise UsageError(f"{name} is {side}; it must be 1 to 32768")
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,

@@ -380,6 +380,9 @@ def test_headerless_files(bumps):
     ("options", "error", "said"),
     [
         ({"iso": "300"}, TypeError, "iso='300' is text"),
+        ({"spacing": "1"}, TypeError, "spacing='1' is text"),
+        ({"labels": True}, TypeError, "labels=True does not say which"),
+        ({"labels": "all", "names": {1: ("ball", "#f00")}}, TypeError, r"names\[1\]=\('ball', '#f00'\) is not text"),
         ({"iso": 1.0, "affine": np.zeros((3, 4))}, infobyte.UsageError, "lie in a plane"),
         ({"iso": 1.0, "affine": np.diag([1.0, 0.0, 1.0, 1.0])}, infobyte.UsageError, "lie in a plane"),
     ],
@@ -388,6 +391,16 @@ def test_options_that_make_no_sense_are_named(tmp_path, options, error, said):
     with pytest.raises(error, match=said):
         infobyte.build(np.ones((4, 4, 4), np.int16), tmp_path / "o.oct", **options)
     assert not (tmp_path / "o.oct").exists()
+
+
+@pytest.mark.parametrize("name", ["scan.nii.gz", "samples.NPY", "notes.txt", "picture.png"])
+def test_a_file_of_another_kind_is_not_replaced(tmp_path, name):
+    (tmp_path / name).write_bytes(b"precious")
+    array = np.ones((4, 4, 4), np.int16)
+    with pytest.raises(infobyte.UsageError, match=f"{name}: is named as another kind of file.*force=True"):
+        infobyte.build(array, tmp_path / name, iso=1)
+    assert (tmp_path / name).read_bytes() == b"precious"
+    assert infobyte.build(array, tmp_path / name, iso=1, force=True).shape == (4, 4, 4)
 
 
 def test_masked_samples_are_outside_and_samples_that_are_no_numbers_are_warned_of(tmp_path):

@@ -22,6 +22,7 @@ JOBS = {
     "to_mesh": "model.to_mesh()",
     "export": "model.export('out.ply', error=0.9)",
     "compare": "infobyte.compare(model, 'other.oct', threads=1)",
+    "measure": "model.measure()",
 }
 
 PROGRAM = """

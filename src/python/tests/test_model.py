@@ -161,6 +161,31 @@ def test_rays_meet_the_ball_where_it_is(model):
     assert (away.voxel == -1).all() and not away.is_hit.any()
 
 
+def test_rays_that_end_in_larger_leaves_are_hits(ball, tmp_path):
+    model = infobyte.build(ball, tmp_path / "leaves.oct", iso=0, spacing=0.5, error=0.2)
+    assert model.info["larger_leaves"]
+    origins = np.stack(np.meshgrid(*[np.arange(9.0, 15.0, 0.5)] * 2, [-9.0]), -1).reshape(-1, 3)
+    hits = model.first_hits(origins, [0, 0, 1])
+    assert hits.is_hit.all() and (hits.voxel == -1).any()
+    assert hits.is_hit.tolist() == model.any_hit(origins, [0, 0, 1]).tolist()
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda model: model.render("512"), "size='512' is not a whole number"),
+        (lambda model: model.render((64, 4.5)), "height=4.5 is not a whole number"),
+        (lambda model: model.to_mesh(triangles="2000"), "triangles='2000' is not a whole number"),
+        (lambda model: model.first_hits([0, 0, 0], [0, 0, 1], threads=2.5), "threads=2.5 is not a whole number"),
+        (lambda model: infobyte.pores(model, least=1.5), "least=1.5 is not a whole number"),
+        (lambda model: infobyte.compare(model, model, tolerance="0.1"), "tolerance='0.1' is text"),
+    ],
+)
+def test_numbers_of_the_wrong_type_are_named(model, call, said):
+    with pytest.raises(TypeError, match=said):
+        call(model)
+
+
 def test_rays_are_broadcast(model):
     origins, directions = np.zeros((5, 1, 3)) + [11.75, 11.75, -9], np.array([[0, 0, 1], [0, 0, -1], [0, 0, 4]])
     hits = model.first_hits(origins, directions)
