@@ -1,6 +1,6 @@
 //! Models that are damaged, in pages and on the way into them: a sentence or a picture, no hang, and no tab that is lost.
 //!
-//! With INFOBYTE_LONG=20 two thousand models are damaged within pages, and as many files.
+//! With INFOBYTE_LONG=20 a thousand models are damaged within pages, and nearly as many files.
 
 use super::driver::Driver;
 use super::*;
@@ -35,7 +35,7 @@ fn damaged_models_give_a_sentence_or_a_picture_and_the_graphics_live_on() {
         // The program for numbers, which all share.
         driver.ask("page.drawing.numbers(page.view, 8, 8).length");
         for batch in 0..long() {
-            let said = driver.ask(&format!("broken(34, {})", seed * 1000 + batch));
+            let said = driver.ask(&format!("broken(17, {})", seed * 1000 + batch));
             assert_eq!(said["strange"], serde_json::json!([]), "{name}: {said}");
             let count = |key: &str| said[key].as_u64().unwrap();
             refused += count("refused");
@@ -48,7 +48,7 @@ fn damaged_models_give_a_sentence_or_a_picture_and_the_graphics_live_on() {
         driver.whole();
     }
     println!("{refused} refused, {opened} opened, {met} of them seen");
-    assert!(refused > 20 && opened > 20 && met > 10, "{refused} {opened} {met}");
+    assert!(refused > 10 && opened > 10 && met > 5, "{refused} {opened} {met}");
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn pages_that_are_cut_or_changed_end_with_a_sentence() {
     let mut driver = Driver::start(&browser);
     let mut random = Random(30);
     let (mut failed, mut whole) = (0, 0);
-    for round in 0..30 * long() {
+    for round in 0..12 * long() {
         let mut bad = html.clone();
         let at = begins + random.below(html.len() - begins);
         if round % 3 == 0 {
@@ -89,7 +89,7 @@ fn pages_that_are_cut_or_changed_end_with_a_sentence() {
         }
     }
     println!("{failed} pages end with a sentence, {whole} with a picture");
-    assert!(failed > 10, "{failed} {whole}");
+    assert!(failed > 4, "{failed} {whole}");
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn damaged_files_become_a_sentence_or_a_page_that_opens() {
     let request = ExportRequest::of(ExportForm::Html);
     let mut random = Random(31);
     let (mut refused, mut pages) = (0, Vec::new());
-    for round in 0..100 * long() {
+    for round in 0..40 * long() {
         let mut bad = sound.clone();
         for _ in 0..1 + random.below(8) {
             let at = table + random.below(bad.len() - table);
@@ -119,10 +119,10 @@ fn damaged_files_become_a_sentence_or_a_page_that_opens() {
         }
     }
     println!("{refused} refused, {} became pages", pages.len());
-    assert!(refused > 50, "{refused}");
+    assert!(refused > 20, "{refused}");
     let Some(browser) = chromium() else { return };
     let mut driver = Driver::start(&browser);
-    for html in pages.iter().take(40) {
+    for html in pages.iter().take(if long() > 1 { 40 } else { 10 }) {
         fs::write(&out, html).unwrap();
         driver.open(&out, "");
     }

@@ -263,7 +263,7 @@ fn damaged_models_that_are_served_give_a_sentence_or_a_picture() {
         driver.ask(&format!("{}; true", include_str!("served.js")));
         driver.ask("page.drawing.numbers(page.view, 8, 8).length");
         for batch in 0..long() {
-            let said = driver.ask(&format!("served(34, {})", batch * 34));
+            let said = driver.ask(&format!("served(17, {})", batch * 17));
             assert_eq!(said["strange"], serde_json::json!([]), "{name}: {said}");
             refused += said["refused"].as_u64().unwrap();
             opened += said["opened"].as_u64().unwrap();
@@ -273,7 +273,7 @@ fn damaged_models_that_are_served_give_a_sentence_or_a_picture() {
         driver.whole();
     }
     println!("{refused} refused, {opened} opened");
-    assert!(refused > 40 && opened > 1, "{refused} {opened}");
+    assert!(refused > 20 && opened > 0, "{refused} {opened}");
 }
 
 /// A damaged file, of which most sums are right again.
