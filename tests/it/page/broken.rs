@@ -15,7 +15,7 @@ fn data_of(html: &str) -> (Vec<&str>, &str) {
 
 #[test]
 fn damaged_models_give_a_sentence_or_a_picture_and_the_graphics_live_on() {
-    let Some(browser) = chromium() else { return };
+    let Some(browser) = chromium_at_length() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut driver = Driver::start(&browser);
     let cases: [(&str, &[&str]); 3] = [
@@ -53,7 +53,7 @@ fn damaged_models_give_a_sentence_or_a_picture_and_the_graphics_live_on() {
 
 #[test]
 fn pages_that_are_cut_or_changed_end_with_a_sentence() {
-    let Some(browser) = chromium() else { return };
+    let Some(browser) = chromium_at_length() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (_, page) = paged(folder.path(), "m", &["synthetic:head@32", "--surface", "cells"]);
     let html = fs::read(&page).unwrap();

@@ -2,7 +2,8 @@
 //! that is damaged stops it. If this fails, a page shows another surface than the model's, or none.
 //!
 //! The browser is chromium, with software for graphics; without one these tests say that they are skipped, unless
-//! `INFOBYTE_BROWSER` names one (or says `required`). With a Firefox (which needs a display, such as that of Xvfb) the
+//! `INFOBYTE_BROWSER` names one (or says `required`, or `brief`: required, but without the longest tests, which
+//! `scripts/long.sh` runs). With a Firefox (which needs a display, such as that of Xvfb) the
 //! tests that compare pictures run in that; those of hands, damage and frames are of chromium only.
 
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
@@ -47,8 +48,18 @@ fn chromium() -> Option<PathBuf> {
     found
 }
 
+/// A chromium for tests of half a minute, which CI leaves to `scripts/long.sh`.
+fn chromium_at_length() -> Option<PathBuf> {
+    if std::env::var_os("INFOBYTE_BROWSER").is_some_and(|name| name == "brief") {
+        println!("skipped: scripts/long.sh runs it");
+        return None;
+    }
+    chromium()
+}
+
 fn browser() -> Option<PathBuf> {
-    let named = std::env::var_os("INFOBYTE_BROWSER").filter(|name| !name.is_empty() && name != "required");
+    let is_name = |name: &std::ffi::OsString| !name.is_empty() && name != "required" && name != "brief";
+    let named = std::env::var_os("INFOBYTE_BROWSER").filter(is_name);
     let names = ["chromium", "chromium-browser", "google-chrome", "chrome"].map(PathBuf::from);
     let works =
         |name: &PathBuf| Command::new(name).arg("--version").output().is_ok_and(|run| run.status.success());

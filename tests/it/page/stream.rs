@@ -94,7 +94,7 @@ fn a_page_fetches_the_same_model_as_a_page_holds() {
 
 #[test]
 fn the_coarse_model_comes_first_and_is_that_of_its_depth() {
-    let Some(browser) = chromium() else { return };
+    let Some(browser) = chromium_at_length() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut driver = Driver::start(&browser);
     for (name, arguments) in [
@@ -165,7 +165,7 @@ fn the_coarse_model_comes_first_and_is_that_of_its_depth() {
 
 #[test]
 fn answers_that_no_server_should_give_end_with_a_sentence() {
-    let Some(browser) = chromium() else { return };
+    let Some(browser) = chromium_at_length() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (_, page) = paged(folder.path(), "m", &["synthetic:head@128", "--surface", "cells"]);
     linked(&page.with_extension("oct"), &page);
@@ -235,7 +235,7 @@ fn answers_that_no_server_should_give_end_with_a_sentence() {
 
 #[test]
 fn damaged_models_that_are_served_give_a_sentence_or_a_picture() {
-    let Some(browser) = chromium() else { return };
+    let Some(browser) = chromium_at_length() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut driver = Driver::start(&browser);
     let (mut refused, mut opened) = (0, 0);
