@@ -280,7 +280,7 @@ fn work_is_done_where_no_thread_can_be_started() {
     let (top, out) = (folder.path().join("in"), text(&folder.path().join("out")));
     write_ball(&top, "1.2.3.1", 8.0);
     let (top, model) = (text(&top), text(&folder.path().join("m.oct")));
-    assert_eq!(oct(&["build", "synthetic:sphere@48", "-o", &model, "--iso", "0.5"]).code, 0);
+    assert_eq!(oct(&["build", "synthetic:sphere@48", "-o", &model, "--surface", "cells"]).code, 0);
     for args in [
         &["batch", &top, "--out", &out, "--jobs", "2", "--iso", "100"][..],
         &["thickness", &model, "--threads", "2"],
