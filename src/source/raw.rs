@@ -38,6 +38,21 @@ pub struct RawOptions {
     pub orientation: Orientation,
 }
 
+#[cfg(test)]
+impl RawOptions {
+    /// Two samples of 8 bits along each axis, 1 mm apart.
+    pub(crate) fn small() -> Self {
+        Self {
+            dims: Dims::new(2, 2, 2).unwrap(),
+            scalar: ScalarType::U8,
+            endian: Endian::Little,
+            spacing_mm: [1.0; 3],
+            skip: 0,
+            orientation: Orientation::LPS,
+        }
+    }
+}
+
 /// A headerless volume, read by position straight into the caller's buffer.
 ///
 /// Holds the file names (some 30 bytes a slice) and open descriptors, no voxels.

@@ -155,9 +155,8 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
 mod tests {
     use super::*;
     use crate::ExitKind;
-    use crate::geom::{Affine, Dims};
+    use crate::geom::Affine;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType};
 
     const WHO: StatedBy = StatedBy::Caller;
 
@@ -183,15 +182,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.raw");
         std::fs::write(&path, [0; 8]).unwrap();
-        let options = RawOptions {
-            dims: Dims::new(2, 2, 2).unwrap(),
-            scalar: ScalarType::U8,
-            endian: Endian::Little,
-            spacing_mm: [1.0; 3],
-            skip: 0,
-            orientation: Orientation::LPS,
-        };
-        let mut info = RawVolume::open(&[path], &options).unwrap().info().clone();
+        let mut info = RawVolume::open(&[path], &RawOptions::small()).unwrap().info().clone();
         (info.affine, info.spacing_mm, info.notes) = (affine, affine.spacing_mm(), notes.to_vec());
         Box::new(Fake(info))
     }

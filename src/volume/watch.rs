@@ -72,9 +72,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::geom::{Dims, Orientation};
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType};
 
     #[test]
     fn every_way_to_change_a_file_is_noticed() {
@@ -85,15 +83,7 @@ mod tests {
                 let _ = fs::remove_file(at(name));
                 fs::write(at(name), [1; 4]).unwrap();
             }
-            let raw = RawOptions {
-                dims: Dims::new(2, 2, 2).unwrap(),
-                scalar: ScalarType::U8,
-                endian: Endian::Little,
-                spacing_mm: [1.0; 3],
-                skip: 0,
-                orientation: Orientation::LPS,
-            };
-            let volume = RawVolume::open(&[at("a"), at("b")], &raw).unwrap();
+            let volume = RawVolume::open(&[at("a"), at("b")], &RawOptions::small()).unwrap();
             FileWatch::files(Box::new(volume), Some(&at("about")))
         };
         type Change<'a> = &'a dyn Fn(&Path);

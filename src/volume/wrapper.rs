@@ -205,11 +205,9 @@ mod tests {
     use super::*;
     use crate::budget::Budget;
     use crate::fault::Fault;
-    use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
     use crate::volume::SourceFault;
-    use crate::volume::{Endian, ScalarType};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6, on_demand: true };
 
@@ -255,15 +253,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.raw");
         std::fs::write(&path, [1; 8]).unwrap();
-        let raw = RawOptions {
-            dims: Dims::new(2, 2, 2).unwrap(),
-            scalar: ScalarType::U8,
-            endian: Endian::Little,
-            spacing_mm: [1.0; 3],
-            skip: 0,
-            orientation: Orientation::LPS,
-        };
-        let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
+        let info = RawVolume::open(&[path], &RawOptions::small()).unwrap().info().clone();
         let scan = || Box::new(Scan(info.clone())) as Box<dyn VolumeSource>;
         let whole = [0..2, 0..2, 0..2];
         let between = vec![(0, 0.0), (0, 0.5), (1, 0.0)];

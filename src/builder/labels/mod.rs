@@ -284,24 +284,14 @@ impl Solid for LabelSolid<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Orientation;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType};
 
     #[test]
     fn files_of_the_volume_are_files_of_the_solid() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("labels.raw");
         std::fs::write(&path, [1; 8]).unwrap();
-        let raw = RawOptions {
-            dims: Dims::new(2, 2, 2).unwrap(),
-            scalar: ScalarType::U8,
-            endian: Endian::Little,
-            spacing_mm: [1.0; 3],
-            skip: 0,
-            orientation: Orientation::LPS,
-        };
-        let volume = RawVolume::open(std::slice::from_ref(&path), &raw).unwrap();
+        let volume = RawVolume::open(std::slice::from_ref(&path), &RawOptions::small()).unwrap();
         let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
         let solid = label_solid(&volume, &LabelChoice::All, &options).unwrap();
         let mut files = Vec::new();
