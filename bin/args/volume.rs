@@ -264,7 +264,8 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "skin|cells", value_parser = parse::surface)]
     pub(crate) surface: Option<SurfaceKind>,
     /// Join cells into larger leaves that stay this close to the surface: in voxels of the finest spacing (0.1), or
-    /// in mm (0.05mm); at most one voxel
+    /// in mm (0.05mm); at most one voxel. It holds where the surface crosses the edges of cells; between these half as
+    /// much again is allowed, and `oct info` shows what was measured
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
     /// Attributes per skin voxel: normal (the default), value, or none; offset implies --surface cells; for the

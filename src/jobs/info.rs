@@ -205,8 +205,15 @@ impl Info {
             row(name, text);
         }
         if let Some(error) = &m.error {
-            let [bound, rms, p99, most] = [error.bound, error.rms, error.p99, error.most].map(Short);
-            row("error", format!("within {bound} voxel of the cells: RMS {rms}, 99 % {p99}, most {most}"));
+            let finest = m.spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
+            let figures = [error.bound, error.rms, error.p99, error.most];
+            let [bound, rms, p99, most] = figures.map(|voxels| Short(voxels * finest));
+            row(
+                "error",
+                format!(
+                    "within {bound} mm of the cells at their edges: RMS {rms}, 99 % {p99}; at most {most}"
+                ),
+            );
         }
         if let Some(quantity) = &frame.quantity {
             row("values", quantity_text(quantity));

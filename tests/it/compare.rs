@@ -168,6 +168,22 @@ fn thin_walls_borders_gaps_and_verdicts() {
         (code, &report["deviation"], number(&report, "/without_counterpart/share")),
         (0, &Value::Null, 1.0)
     );
+    let near = stage.compare(&[&one, &other, "--radius", "1.5"]);
+    assert!(near["hausdorff"]["to_nominal"].is_null() && number(&near, "/deviation/max") < 1.5, "{near:#}");
+    // A void 1 below the top of a block: deviations face the bottom, 9 away, where the Hausdorff distance is 3.
+    let block = wall(20.2, 30.2);
+    let hollow = move |p: [f64; 3]| {
+        let sides = (p[0] - 31.7).abs().max((p[1] - 31.7).abs()) - 5.0;
+        block(p).max(-sides.max((p[2] - 28.2).abs() - 1.0))
+    };
+    let [hollow, block] = [stage.model("g.oct", PLAIN, hollow), stage.model("h.oct", PLAIN, block)];
+    let report = stage.compare(&[&hollow, &block, "--radius", "12", "--both-ways"]);
+    let farthest = number(&report, "/deviation/max").max(-number(&report, "/deviation/min"));
+    assert!((farthest - 9.0).abs() < 0.1, "{report:#}");
+    assert!((number(&report, "/hausdorff/to_nominal") - 3.0).abs() < 0.1, "{report:#}");
+    assert!(number(&report, "/hausdorff/to_actual") < 0.1, "{report:#}");
+    let text = oct(&["compare", &hollow, &block, "--radius", "12"]).stdout;
+    assert!(text.contains("Hausdorff distance: 3"), "{text}");
     let (code, report) = compared(&[&[one.as_str(), &other, "--tolerance", "1"], &far[..]].concat());
     assert_eq!((code, &report["tolerance"]["verdict"]), (7, &json!("undecided")));
     // A ball that the volume cuts: its caps are not compared.

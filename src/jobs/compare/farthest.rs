@@ -18,8 +18,8 @@ pub(super) struct Farthest {
 
 impl Farthest {
     pub(super) fn add(&mut self, row: &Row) {
-        let Some(value) = row.value.filter(|_| row.area_mm2 > 0.0) else { return };
-        let distance = value.abs().to_bits();
+        let Some(distance) = row.distance.filter(|_| row.area_mm2 > 0.0) else { return };
+        let distance = distance.to_bits();
         if distance < self.least {
             return;
         }
@@ -31,7 +31,7 @@ impl Farthest {
         }
     }
 
-    /// The greatest distance of the middles and the polygons' corners of these cells.
+    /// The greatest distance of the middles and the polygons' corners of these cells; infinite beyond the radius.
     pub(super) fn distance_mm(
         mut self,
         rule: &Rule,
@@ -47,9 +47,9 @@ impl Farthest {
         for (_, number, cell) in self.cells {
             one.surface.facets(one.surface.cell_place(number, cell), |_, facet| {
                 facet.corners(|corner| {
-                    let place = rule.place(one, other, (corner, facet.normal));
-                    let value = rule.measure(&mut search, place).map_or(0.0, |(value, _)| value.abs());
-                    greatest = greatest.max(value);
+                    let at_mm = rule.placement.apply(one.surface.space.to_world(corner));
+                    let (_, distance) = rule.nearest(&mut search, other.surface.space.to_frame(at_mm));
+                    greatest = distance.map_or(greatest, |distance| greatest.max(distance));
                     relief.step();
                 });
             });

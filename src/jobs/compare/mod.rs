@@ -426,7 +426,7 @@ impl Found {
         job: &Job<'_>,
         rule: &Rule,
         placement: Placement,
-        [to_nominal, to_actual]: [Option<f64>; 2],
+        distances: [Option<f64>; 2],
         worst: Vec<Worst>,
     ) -> CompareReport {
         let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
@@ -452,6 +452,7 @@ impl Found {
             common_mm: job.request.threshold_sigma.map(|sigma| sigma * self.shift[0] / self.shift[1]),
         });
         let deviation = Deviation::of(&self.distribution);
+        let [to_nominal, to_actual] = distances.map(|distance| distance.filter(|mm| mm.is_finite()));
         let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
         let mut report = CompareReport {
             inputs: job.paths.map(data),
@@ -471,7 +472,7 @@ impl Found {
             peak_rss_bytes: 0,
             wall_s: 0.0,
         };
-        report.warn();
+        report.warn(distances.contains(&Some(f64::INFINITY)));
         report
     }
 }

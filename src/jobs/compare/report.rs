@@ -121,14 +121,15 @@ impl Deviation {
     }
 }
 
-/// Greatest distances of cells that have a counterpart.
+/// Greatest distances of the surfaces from each other, whichever way they face: from each place to the nearest one, borders
+/// of volumes left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Hausdorff {
     /// Distance of the actual model's surface from the nominal one: at the middles of cells, and at all corners of the
-    /// 1,024 farthest.
+    /// 1,024 farthest; null where one of them has nothing within the radius.
     pub to_nominal: Option<f64>,
-    /// Distance of the nominal surface from the actual one; null unless it is asked for.
+    /// Distance of the nominal surface from the actual one; null unless it is asked for, too.
     pub to_actual: Option<f64>,
     /// Bound on how much farther other places of the surfaces are: half a diagonal of a cell.
     pub within_mm: f64,
@@ -218,16 +219,26 @@ impl Verdict {
 }
 
 impl CompareReport {
-    /// Adds what has to be said about the figures.
-    pub(super) fn warn(&mut self) {
+    /// Adds what has to be said about the figures; `is_beyond` is true if a place has nothing within the radius.
+    pub(super) fn warn(&mut self, is_beyond: bool) {
         let percent = Short(100.0 * self.without_counterpart.share);
         if self.without_counterpart.cells > 0 && self.deviation.is_some() {
-            self.warnings.push(format!("{percent} % of the surface has no counterpart and is in no figure"));
+            self.warnings.push(format!(
+                "{percent} % of the surface has no counterpart: nothing that faces the same way lies within {} mm; it is in \
+                 no figure of deviation",
+                Short(self.radius_mm)
+            ));
         }
         if self.deviation.is_none() {
             let within = Short(self.radius_mm);
             self.warnings.push(format!(
                 "no part of the surface has a counterpart within {within} mm: are the models in the same place and unit?"
+            ));
+        }
+        if is_beyond && self.deviation.is_some() {
+            self.warnings.push(format!(
+                "the Hausdorff distance is more than {} mm; a larger radius finds it",
+                Short(self.radius_mm)
             ));
         }
         if self.border.cells > 0 {
@@ -269,6 +280,15 @@ impl CompareReport {
             let _ = writeln!(
                 text,
                 "  deviation (+ outside nominal): mean {mean}, RMS {rms}, 95 % within {p95}, 99 % within {p99}, from {min} to {max} mm"
+            );
+        }
+        if let Some(to_nominal) = self.hausdorff.to_nominal {
+            let back = self.hausdorff.to_actual.map(|mm| format!(", {} mm back", Short(mm)));
+            let (to, within) = (Short(to_nominal), Short(self.hausdorff.within_mm));
+            let _ = writeln!(
+                text,
+                "  Hausdorff distance: {to} mm{}; at most {within} more between the places measured",
+                back.unwrap_or_default()
             );
         }
         if let Some(t) = self.tolerance {

@@ -25,6 +25,8 @@ pub(super) struct Row {
     pub(super) area_mm2: f64,
     /// True at the border of the volume, where the surface may be a cap of the build.
     pub(super) is_border: bool,
+    /// Distance of the nearest point, however it is turned: infinite beyond the radius; `None` at a border.
+    pub(super) distance: Option<f64>,
     /// Positive outside; `None` without counterpart, and at the border.
     pub(super) value: Option<f64>,
     /// Squares of the standard deviations of the value by noise and by the models, in mm2; `None` if they are not known.
@@ -99,21 +101,18 @@ impl Measured<'_> {
 }
 
 /// A place and its normal, in the frame of the other model.
-pub(super) type Placed = ([f64; 3], [f64; 3]);
+type Placed = ([f64; 3], [f64; 3]);
 
 impl Rule {
-    /// A place of a model and its normal, from its frame to that of the other.
-    pub(super) fn place(&self, one: &Measured<'_>, other: &Measured<'_>, (point, normal): Placed) -> Placed {
-        let (from, to) = (one.surface.space, other.surface.space);
-        let at_mm = self.placement.apply(from.to_world(point));
-        let normal = self.placement.apply_vector(from.direction_to_world(normal));
-        (to.to_frame(at_mm), to.direction_to_frame(normal))
-    }
-
-    /// The deviation of a place, and what it is measured to.
-    pub(super) fn measure(&self, search: &mut Search<'_>, place: Placed) -> Option<(f64, Found)> {
-        let found = search.nearest(place.0, &Query::within(self.radius_mm))?;
-        self.deviation(search, place, found)
+    /// The nearest point of the other surface within the radius, and its distance as a [`Row`] has it.
+    pub(super) fn nearest(&self, search: &mut Search<'_>, point: [f64; 3]) -> (Option<Found>, Option<f64>) {
+        let found = search.nearest(point, &Query::within(self.radius_mm));
+        let distance = match &found {
+            Some(found) if search.surface.is_border(found.point) => None,
+            Some(found) => Some(found.distance()),
+            None => Some(f64::INFINITY),
+        };
+        (found, distance)
     }
 
     /// The deviation of a place, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
@@ -155,7 +154,11 @@ impl Rule {
         }
         let space = other.surface.space;
         let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
-        let Some((value, found)) = self.measure(search, place) else { return };
+        let (nearest, distance) = self.nearest(search, place.0);
+        row.distance = distance;
+        let Some((value, found)) = nearest.and_then(|found| self.deviation(search, place, found)) else {
+            return;
+        };
         row.value = Some(value);
         let own = one.doubt.squares_mm2(one.surface.view, row.number);
         let others = || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));

@@ -101,7 +101,11 @@ fn verdict(rows: &[Row], drawn: Drawn) -> Option<String> {
     let rms = |row: &Row| row.errors.get(Metric::DepthRms);
     let time = |row: &Row| row.costs.values()[drawn.cost];
     let (now, most) = (rms(usual)?, rms(usual)? + HARDLY_SEEN);
-    let keep = format!("Keep the default, which is off by {now:.3} voxel (RMS)");
+    let keep = if now > 0.0 {
+        format!("Keep the default, which is off by {now:.3} voxel (RMS)")
+    } else {
+        "The default is what the others are measured by".into()
+    };
     let chosen = rows.iter().rfind(|row| !row.usual && rms(row).is_some_and(|rms| rms <= most));
     let Some(chosen) = chosen else {
         return Some(format!("{keep}; no other setting comes within {HARDLY_SEEN} voxel of that."));
