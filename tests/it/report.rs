@@ -107,8 +107,8 @@ fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
 #[test]
 fn measurements_are_as_close_to_the_truth_as_they_are_said_to_be() {
     let folder = tempfile::tempdir().unwrap();
-    let [exact, noisy] = ["sphere@64", "sphere@64?noise=0.025"]
-        .map(|subject| run(&folder.path().join(subject), &[subject, "slab@32"], "2"));
+    let [exact, noisy] = [("exact", "sphere@64"), ("noisy", "sphere@64?noise=0.025")]
+        .map(|(name, subject)| run(&folder.path().join(name), &[subject, "slab@32"], "2"));
     let error = |report: &Value, choice: &str, key: &str| {
         row(report, "measures", choice)["errors"][key].as_f64().unwrap_or_else(|| panic!("{choice} {key}"))
     };
