@@ -55,6 +55,34 @@ pub(super) const SAME_SURFACE: f32 = 0.25;
 pub(super) const EDGES: [(usize, usize); 12] =
     [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
 
+/// Statements for every edge, whose number is a literal in them, so that a loop over cells vectorises and keeps sums in
+/// registers. Fits took 1.7 times as long with a loop over cells for each edge, whose sums were arrays. A closure called
+/// twelve times is not inlined, nor compiled for the caller's instruction set.
+macro_rules! for_each_edge {
+    ($edge:ident => $body:block) => {
+        for_each_edge!($edge => $body, 0 1 2 3 4 5 6 7 8 9 10 11);
+    };
+    ($edge:ident => $body:block, $($number:literal)*) => {$(
+        {
+            let $edge: usize = $number;
+            $body
+        }
+    )*};
+}
+pub(super) use for_each_edge;
+
+/// The point of an edge at `t` from its first corner, as seen from another point, in voxels; both points and the cell's
+/// corners are relative to the cell's middle.
+#[inline(always)]
+pub(super) fn on_edge(edge: usize, t: f32, from: [f32; 3]) -> [f32; 3] {
+    let (p, q) = EDGES[edge];
+    let along = |a: usize| {
+        let side = if p >> a & 1 == 1 { 0.5 } else { -0.5 };
+        (if (p ^ q) >> a & 1 == 1 { side + t } else { side }) - from[a]
+    };
+    [along(0), along(1), along(2)]
+}
+
 /// Least and greatest size of a depth: keeps 1 / 0 and infinity less infinity out of the arithmetic.
 pub(super) const MIN_DEPTH: f32 = 1e-20;
 pub(super) const MAX_DEPTH: f32 = 1e30;

@@ -1,6 +1,6 @@
 //! Planes of cells in batches, without branches so that the loops over a batch vectorise.
 
-use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, pull, signed_depth};
+use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
 use super::pick::{self, SEPARABLE};
 use super::sharp::{Sharp, SharpCell, directions, fit_near};
@@ -33,6 +33,8 @@ pub(super) struct Batch {
     mean: [[f32; BATCH]; 3],
     /// Largest distance of the smooth plane from the crossings.
     near: [f32; BATCH],
+    /// 1 where two values alone place the surface: one inside, one outside.
+    two_values: [u32; BATCH],
     code: [u16; BATCH],
     offset: [f32; BATCH],
     badness: [f32; BATCH],
@@ -64,6 +66,7 @@ impl Batch {
             crossing: [[0.0; BATCH]; 12],
             mean: [[0.0; BATCH]; 3],
             near: [0.0; BATCH],
+            two_values: [0; BATCH],
             code: [0; BATCH],
             offset: [0.0; BATCH],
             badness: [0.0; BATCH],
@@ -196,6 +199,7 @@ impl Batch {
                 near: self.near[i],
                 code: self.code[i],
                 fitted: Fitted { offset: self.offset[i], badness: self.badness[i], covers: self.covers[i] },
+                two_values: self.two_values[i],
             });
         }
         self.sharp.fit();
@@ -251,9 +255,10 @@ impl Kernel for FitKernel<'_> {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
             let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
-            let fitted = fit_plane(b.code[i], b.mask[i], depth, crossing, mean);
-            let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (fitted.covers == 0);
-            (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, fitted.covers);
+            let fitted = fit_plane(b.code[i], depth, crossing, mean);
+            let covers = fitted.covers | b.two_values[i];
+            let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (covers == 0);
+            (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, covers);
             b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
         }
     }
@@ -281,15 +286,17 @@ impl Kernel for GradientKernel<'_> {
             let unit = [normal[0][i], normal[1][i], normal[2][i]];
             same[i] = u32::from(is_same_surface(gradient, unit, b.code[i])) & b.fitted[i];
         }
-        for (t, (p, q)) in b.crossing.iter().zip(EDGES) {
-            let start = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
-            let along = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
-            for i in 0..len {
-                let part = |a: usize| (start[a] + along[a] * t[i] - b.mean[a][i]) * normal[a][i];
-                let off = (part(0) + part(1) + part(2)).abs();
+        for i in 0..len {
+            let n = [normal[0][i], normal[1][i], normal[2][i]];
+            let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
+            let mut most = 0.0_f32;
+            for_each_edge!(edge => {
+                let at = on_edge(edge, b.crossing[edge][i], mean);
+                let off = (at[0] * n[0] + at[1] * n[1] + at[2] * n[2]).abs();
                 // NaN for edges that are not crossed.
-                held[i] = if off > held[i] { off } else { held[i] };
-            }
+                most = if off > most { off } else { most };
+            });
+            held[i] = most;
         }
         for held in &mut held[..len] {
             *held = pull(*held);
@@ -303,9 +310,9 @@ impl Kernel for GradientKernel<'_> {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
             let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
-            let fitted = fit_plane(codes[i], b.mask[i], depth, crossing, mean);
+            let fitted = fit_plane(codes[i], depth, crossing, mean);
             offsets[i] = fitted.offset;
-            same[i] &= 1 - fitted.covers;
+            same[i] &= 1 - (fitted.covers | b.two_values[i]);
         }
         for i in 0..len {
             b.code[i] = if same[i] != 0 { codes[i] } else { b.code[i] };
@@ -351,8 +358,7 @@ impl Kernel for StrayKernel<'_> {
     }
 }
 
-/// Gives depths the signs of their sides, and finds the crossings of the edges and their mean: edge by edge, so that
-/// the loops vectorise.
+/// Gives depths the signs of their sides, and finds the crossings of the edges, their mean, and the cells of two values.
 #[inline(always)]
 fn find_crossings(b: &mut Batch, len: usize) {
     for (c, depths) in b.depth.iter_mut().enumerate() {
@@ -360,40 +366,33 @@ fn find_crossings(b: &mut Batch, len: usize) {
             *depth = signed_depth(*depth, mask >> c & 1 == 1);
         }
     }
-    let (mut sum, mut count) = ([[0.0; BATCH]; 3], [0.0; BATCH]);
-    for (at, (p, q)) in b.crossing.iter_mut().zip(EDGES) {
-        cross_edge((p, q), [&b.depth[p], &b.depth[q]], at, &mut sum, &mut count, len);
-    }
-    for (mean, sum) in b.mean.iter_mut().zip(&sum) {
-        for i in 0..len {
-            mean[i] = sum[i] / count[i];
-        }
-    }
-}
-
-/// Crossing of one edge in the first `len` cells; adds the points, in voxels from the middle of the cell.
-#[inline(always)]
-fn cross_edge(
-    (p, q): (usize, usize),
-    [depth_p, depth_q]: [&[f32; BATCH]; 2],
-    at: &mut [f32; BATCH],
-    [x, y, z]: &mut [[f32; BATCH]; 3],
-    count: &mut [f32; BATCH],
-    len: usize,
-) {
-    let [sx, sy, sz] = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
-    let [dx, dy, dz] = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
+    let [x, y, z] = &mut b.mean;
     for i in 0..len {
-        let (d, e) = (depth_p[i], depth_q[i]);
-        let t = d / (d - e);
-        // All bits set where the signs differ. Conditions would become masked stores, which some machines split.
-        let crosses = 0_u32.wrapping_sub((d.to_bits() ^ e.to_bits()) >> 31);
-        let or_zero = |v: f32| f32::from_bits(v.to_bits() & crosses);
-        at[i] = f32::from_bits(t.to_bits() | !crosses);
-        x[i] += or_zero(sx + dx * t);
-        y[i] += or_zero(sy + dy * t);
-        z[i] += or_zero(sz + dz * t);
-        count[i] += or_zero(1.0);
+        let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+        let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+        for_each_edge!(edge => {
+            let (p, q) = EDGES[edge];
+            let (d, e) = (depth[p], depth[q]);
+            let t = d / (d - e);
+            // All bits set where the signs differ. Conditions would become masked stores, which some machines split.
+            let crosses = 0_u32.wrapping_sub((d.to_bits() ^ e.to_bits()) >> 31);
+            let or_zero = |v: f32| f32::from_bits(v.to_bits() & crosses);
+            let at = on_edge(edge, t, [0.0; 3]);
+            sum = [sum[0] + or_zero(at[0]), sum[1] + or_zero(at[1]), sum[2] + or_zero(at[2])];
+            count += or_zero(1.0);
+            b.crossing[edge][i] = f32::from_bits(t.to_bits() | !crosses);
+        });
+        (x[i], y[i], z[i]) = (sum[0] / count, sum[1] / count, sum[2] / count);
+    }
+    for i in 0..len {
+        let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+        let (mut most, mut least) = (-f32::MAX, f32::MAX);
+        for d in depth {
+            most = if d > most { d } else { most };
+            least = if d < least { d } else { least };
+        }
+        let others = depth.into_iter().fold(0, |others, d| others | u32::from((d != most) & (d != least)));
+        b.two_values[i] = 1 - others;
     }
 }
 
@@ -403,23 +402,17 @@ pub(super) struct Fitted {
     pub(super) offset: f32,
     /// Greatest distance of a crossing, or of a corner on the wrong side; squared.
     pub(super) badness: f32,
-    /// Not zero if the plane covers an outside corner too far, or if there are two values only, which do not place the
-    /// surface between them.
+    /// Not zero if the plane covers an outside corner too far; in a batch also if there are two values only, which do not
+    /// place the surface between them.
     pub(super) covers: u32,
 }
 
-/// The plane with this normal through the mean of the crossings, shifted so that every inside corner lies behind it.
+/// The plane with this normal through the mean of the crossings, shifted so that every inside corner lies behind it;
+/// depths have the signs of their sides.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, reason = "small integers")]
-pub(super) fn fit_plane(
-    code: u16,
-    mask: u32,
-    depth: [f32; CORNERS],
-    crossing: [f32; 12],
-    mean: [f32; 3],
-) -> Fitted {
+pub(super) fn fit_plane(code: u16, depth: [f32; CORNERS], crossing: [f32; 12], mean: [f32; 3]) -> Fitted {
     let n = normal::decode_l1(code).map(|c| c as f32);
-    let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
 
     // Values of n . u.
     let corner: [f32; CORNERS] = std::array::from_fn(|c| {
@@ -434,16 +427,10 @@ pub(super) fn fit_plane(
         worst = if off * off > worst { off * off } else { worst };
     }
     let (mut highest_in, mut lowest_out) = (-f32::MAX, f32::MAX);
-    let (mut in_low, mut in_high) = (f32::MAX, -f32::MAX);
-    let (mut out_low, mut out_high) = (f32::MAX, -f32::MAX);
-    for c in 0..CORNERS {
-        let (d, v, is_in) = (depth[c], corner[c], inside[c]);
-        highest_in = if is_in & (v > highest_in) { v } else { highest_in };
-        lowest_out = if !is_in & (v < lowest_out) { v } else { lowest_out };
-        in_low = if is_in & (d < in_low) { d } else { in_low };
-        in_high = if is_in & (d > in_high) { d } else { in_high };
-        out_low = if !is_in & (d < out_low) { d } else { out_low };
-        out_high = if !is_in & (d > out_high) { d } else { out_high };
+    for (d, v) in depth.into_iter().zip(corner) {
+        let (ahead, behind) = (if d > 0.0 { v } else { -f32::MAX }, if d > 0.0 { f32::MAX } else { v });
+        highest_in = if ahead > highest_in { ahead } else { highest_in };
+        lowest_out = if behind < lowest_out { behind } else { lowest_out };
     }
     let positive = |v: f32| if v > 0.0 { v } else { 0.0 };
     let (in_front, behind) = (positive(highest_in - mean), positive(mean - lowest_out));
@@ -452,7 +439,6 @@ pub(super) fn fit_plane(
     let rounded = (mean + 0.5).floor();
     let offset = if rounded > highest_in { rounded } else { highest_in };
     let covered = positive(offset - lowest_out);
-    let covers = (covered * covered > 4.0 * TOLERANCE * TOLERANCE * square)
-        | ((in_low == in_high) & (out_low == out_high));
+    let covers = covered * covered > 4.0 * TOLERANCE * TOLERANCE * square;
     Fitted { offset, badness: worst / (4.0 * square), covers: u32::from(covers) }
 }

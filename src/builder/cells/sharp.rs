@@ -6,7 +6,7 @@
 //! covers an outside corner are left to [`super::pick`], as are cells that no plane separates. Finally all planes are
 //! turned towards the gradient by one rule ([`super::fit`]).
 
-use super::corner::{EDGES, TOWARDS_GUESS};
+use super::corner::{TOWARDS_GUESS, for_each_edge, on_edge};
 use super::fit::{BATCH, Fitted, fit_plane};
 use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
@@ -21,6 +21,7 @@ pub(super) struct Sharp {
     crossing: [[f32; BATCH]; 12],
     mean: [[f32; BATCH]; 3],
     near: [f32; BATCH],
+    two_values: [u32; BATCH],
     /// Direction towards the inside, as first guessed; then the normal fitted near it.
     normal: [[f32; BATCH]; 3],
     tried: Planes,
@@ -44,6 +45,7 @@ pub(super) struct SharpCell {
     pub(super) near: f32,
     pub(super) code: u16,
     pub(super) fitted: Fitted,
+    pub(super) two_values: u32,
 }
 
 impl Sharp {
@@ -57,6 +59,7 @@ impl Sharp {
             crossing: [NONE; 12],
             mean: [NONE; 3],
             near: NONE,
+            two_values: [0; BATCH],
             normal: [NONE; 3],
             tried: Planes::NONE,
             best: Planes::NONE,
@@ -79,6 +82,7 @@ impl Sharp {
         for (all, mean) in self.mean.iter_mut().zip(cell.mean) {
             all[at] = mean;
         }
+        self.two_values[at] = cell.two_values;
         self.best.set(at, cell.code, cell.fitted);
         self.len += 1;
     }
@@ -145,10 +149,10 @@ fn try_near(s: &mut Sharp, len: usize, all: bool) {
         let depth: [f32; CORNERS] = std::array::from_fn(|c| s.depth[c][i]);
         let crossing: [f32; 12] = std::array::from_fn(|e| s.crossing[e][i]);
         let mean = [s.mean[0][i], s.mean[1][i], s.mean[2][i]];
-        let plane = fit_plane(s.tried.code[i], s.mask[i], depth, crossing, mean);
+        let plane = fit_plane(s.tried.code[i], depth, crossing, mean);
         s.tried.offset[i] = plane.offset;
         s.tried.badness[i] = plane.badness;
-        s.tried.covers[i] = plane.covers;
+        s.tried.covers[i] = plane.covers | s.two_values[i];
     }
     let (tried, best) = (&s.tried, &mut s.best);
     for i in 0..len {
@@ -192,45 +196,38 @@ fn across(mask: u32) -> [f32; 3] {
     [sum[0] * weight, sum[1] * weight, sum[2] * weight]
 }
 
-/// Two directions orthogonal to a third one, in a batch.
-type Basis = [[[f32; BATCH]; 3]; 2];
-
-/// Sums over crossings: products of their coordinates along the two directions, and products of these with the
-/// coordinate along the guess.
-struct Sums {
-    square: [[f32; BATCH]; 3],
-    across: [[f32; BATCH]; 2],
-}
-
 /// Normals of the planes that fit the crossings best, near the directions in `normal`: least squares over the guess of
 /// length 1 plus an orthogonal term, which `held` keeps small.
 #[inline(always)]
 pub(super) fn fit_near(
-    normal: &mut [[f32; BATCH]; 3],
+    [x, y, z]: &mut [[f32; BATCH]; 3],
     crossing: &[[f32; BATCH]; 12],
     mean: &[[f32; BATCH]; 3],
     held: &[f32; BATCH],
     len: usize,
 ) {
-    let mut basis = [[[0.0; BATCH]; 3]; 2];
     for i in 0..len {
-        let [g, e1, e2] = directions([normal[0][i], normal[1][i], normal[2][i]]);
-        for a in 0..3 {
-            (normal[a][i], basis[0][a][i], basis[1][a][i]) = (g[a], e1[a], e2[a]);
-        }
-    }
-    let mut sums = Sums { square: [*held, [0.0; BATCH], *held], across: [[0.0; BATCH]; 2] };
-    for (t, edge) in crossing.iter().zip(EDGES) {
-        add_edge(edge, t, mean, normal, &basis, &mut sums, len);
-    }
-    let ([s11, s12, s22], [r1, r2]) = (&sums.square, &sums.across);
-    for i in 0..len {
-        let determinant = s11[i] * s22[i] - s12[i] * s12[i];
-        let u = (r2[i] * s12[i] - r1[i] * s22[i]) / determinant;
-        let v = (r1[i] * s12[i] - r2[i] * s11[i]) / determinant;
-        for (a, normal) in normal.iter_mut().enumerate() {
-            normal[i] += u * basis[0][a][i] + v * basis[1][a][i];
-        }
+        let [g, e1, e2] = directions([x[i], y[i], z[i]]);
+        // Sums of products of the coordinates along the two directions, and of these with the one along the guess.
+        let (mut s11, mut s12, mut s22, mut r1, mut r2) = (held[i], 0.0, held[i], 0.0, 0.0);
+        let mean = [mean[0][i], mean[1][i], mean[2][i]];
+        for_each_edge!(edge => {
+            let t = crossing[edge][i];
+            let at = on_edge(edge, t, mean);
+            let along = |d: [f32; 3]| choose(t >= 0.0, at[0] * d[0] + at[1] * d[1] + at[2] * d[2], 0.0);
+            let (along, u, v) = (along(g), along(e1), along(e2));
+            s11 += u * u;
+            s12 += u * v;
+            s22 += v * v;
+            r1 += u * along;
+            r2 += v * along;
+        });
+        let determinant = s11 * s22 - s12 * s12;
+        let u = (r2 * s12 - r1 * s22) / determinant;
+        let v = (r1 * s12 - r2 * s11) / determinant;
+        x[i] = g[0] + (u * e1[0] + v * e2[0]);
+        y[i] = g[1] + (u * e1[1] + v * e2[1]);
+        z[i] = g[2] + (u * e1[2] + v * e2[2]);
     }
 }
 
@@ -257,32 +254,4 @@ pub(super) fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
     let a = -1.0 / (sign + z);
     let b = x * y * a;
     [[x, y, z], [1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
-}
-
-#[inline(always)]
-fn add_edge(
-    (p, q): (usize, usize),
-    crossing: &[f32; BATCH],
-    [mean_x, mean_y, mean_z]: &[[f32; BATCH]; 3],
-    [gx, gy, gz]: &[[f32; BATCH]; 3],
-    [[ux, uy, uz], [vx, vy, vz]]: &Basis,
-    sums: &mut Sums,
-    len: usize,
-) {
-    let [start_x, start_y, start_z] = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
-    let [dx, dy, dz] = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
-    let (Sums { square: [s11, s12, s22], across: [r1, r2] }, t) = (sums, crossing);
-    for i in 0..len {
-        let x = choose(t[i] >= 0.0, start_x + dx * t[i] - mean_x[i], 0.0);
-        let y = choose(t[i] >= 0.0, start_y + dy * t[i] - mean_y[i], 0.0);
-        let z = choose(t[i] >= 0.0, start_z + dz * t[i] - mean_z[i], 0.0);
-        let along = x * gx[i] + y * gy[i] + z * gz[i];
-        let u = x * ux[i] + y * uy[i] + z * uz[i];
-        let v = x * vx[i] + y * vy[i] + z * vz[i];
-        s11[i] += u * u;
-        s12[i] += u * v;
-        s22[i] += v * v;
-        r1[i] += u * along;
-        r2[i] += v * along;
-    }
 }
