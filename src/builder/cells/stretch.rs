@@ -8,7 +8,7 @@
 //! 36 and 42 %, but sharp normals replace smooth ones: on a ball of slices six times as thick as pixels (96 voxels),
 //! normals were off by 3.2 degrees instead of 1.5.
 
-use super::corner::EDGES;
+use super::corner::{EDGES, for_each_edge, on_edge};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 
@@ -101,16 +101,16 @@ impl Fit {
         let corner: [f32; CORNERS] = std::array::from_fn(|c| at_corner(whole, c) as f32);
         let mut worst = 0.0_f32;
         let mut strays = self.strays_at(self.mean, n, square, stretch);
-        for (t, (p, q)) in self.crossing.into_iter().zip(EDGES) {
+        for_each_edge!(edge => {
+            let ((p, q), t) = (EDGES[edge], self.crossing[edge]);
             let off = corner[p] + t * (corner[q] - corner[p]) - self.offset;
             worst = if off * off > worst { off * off } else { worst };
-            let point = std::array::from_fn(|a| {
-                let (low, high) =
-                    (if p >> a & 1 == 1 { 0.5 } else { -0.5 }, if q >> a & 1 == 1 { 0.5 } else { -0.5 });
-                0.5 * (self.mean[a] + low + t * (high - low))
-            });
+            // Half-way between the crossing and the mean.
+            let at = on_edge(edge, t, [0.0; 3]);
+            let point =
+                [0.5 * (self.mean[0] + at[0]), 0.5 * (self.mean[1] + at[1]), 0.5 * (self.mean[2] + at[2])];
             strays |= (t >= 0.0) & self.strays_at(point, n, square, stretch);
-        }
+        });
         for (c, value) in corner.into_iter().enumerate() {
             let behind = self.offset - value;
             let is_covered = (self.mask >> c & 1 == 0) & (behind > 0.0) & (behind * behind > worst);
@@ -126,10 +126,10 @@ impl Fit {
         let d = &self.depth;
         let part = |low: f32, high: f32, at: f32| low * (0.5 - at) + high * (0.5 + at);
         let [x, y, z] = at;
-        let along_x = [0, 2, 4, 6].map(|c| part(d[c], d[c + 1], x));
+        let along_x = [part(d[0], d[1], x), part(d[2], d[3], x), part(d[4], d[5], x), part(d[6], d[7], x)];
         let along_xy = [part(along_x[0], along_x[1], y), part(along_x[2], along_x[3], y)];
         let depth = part(along_xy[0], along_xy[1], z);
-        let by_x = [0, 2, 4, 6].map(|c| d[c + 1] - d[c]);
+        let by_x = [d[1] - d[0], d[3] - d[2], d[5] - d[4], d[7] - d[6]];
         let gradient = [
             part(part(by_x[0], by_x[1], y), part(by_x[2], by_x[3], y), z),
             part(along_x[1] - along_x[0], along_x[3] - along_x[2], z),
