@@ -3,7 +3,7 @@
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
 use super::pick::{self, SEPARABLE};
-use super::sharp::{Sharp, SharpCell, directions, fit_near};
+use super::sharp::{Sharp, SharpCell, directions, near};
 use super::stretch::{Fit, Stretch};
 use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
@@ -275,36 +275,21 @@ impl Kernel for GradientKernel<'_> {
     fn run(self, _: impl Lanes) {
         let b = self.0;
         let len = b.len.next_multiple_of(8).min(BATCH);
-        let (mut normal, mut held, mut same) = ([[0.0; BATCH]; 3], [0.0; BATCH], [0_u32; BATCH]);
-        // One task per loop: longer loops do not vectorise.
-        for i in 0..len {
-            let [n, ..] = directions([-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]]);
-            (normal[0][i], normal[1][i], normal[2][i]) = (n[0], n[1], n[2]);
-        }
+        let (mut same, mut codes, mut offsets) = ([0_u32; BATCH], [0_u16; BATCH], [0.0; BATCH]);
         for i in 0..len {
             let gradient = [-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]];
-            let unit = [normal[0][i], normal[1][i], normal[2][i]];
+            let [unit, ..] = directions(gradient);
             same[i] = u32::from(is_same_surface(gradient, unit, b.code[i])) & b.fitted[i];
-        }
-        for i in 0..len {
-            let n = [normal[0][i], normal[1][i], normal[2][i]];
+            let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
             let mut most = 0.0_f32;
             for_each_edge!(edge => {
-                let at = on_edge(edge, b.crossing[edge][i], mean);
-                let off = (at[0] * n[0] + at[1] * n[1] + at[2] * n[2]).abs();
+                let at = on_edge(edge, crossing[edge], mean);
+                let off = (at[0] * unit[0] + at[1] * unit[1] + at[2] * unit[2]).abs();
                 // NaN for edges that are not crossed.
                 most = if off > most { off } else { most };
             });
-            held[i] = most;
-        }
-        for held in &mut held[..len] {
-            *held = pull(*held);
-        }
-        fit_near(&mut normal, &b.crossing, &b.mean, &held, len);
-        let (mut codes, mut offsets) = ([0_u16; BATCH], [0.0; BATCH]);
-        for i in 0..len {
-            codes[i] = normal::encode([normal[0][i], normal[1][i], normal[2][i]]);
+            codes[i] = normal::encode(near(unit, crossing, mean, pull(most)));
         }
         for i in 0..len {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);

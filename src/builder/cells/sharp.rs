@@ -22,7 +22,7 @@ pub(super) struct Sharp {
     mean: [[f32; BATCH]; 3],
     near: [f32; BATCH],
     two_values: [u32; BATCH],
-    /// Direction towards the inside, as first guessed; then the normal fitted near it.
+    /// Direction out of the inside, as guessed.
     normal: [[f32; BATCH]; 3],
     tried: Planes,
     best: Planes,
@@ -141,9 +141,12 @@ impl Kernel for SharpKernel<'_> {
 #[inline(always)]
 fn try_near(s: &mut Sharp, len: usize, all: bool) {
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
-    fit_near(&mut s.normal, &s.crossing, &s.mean, &[TOWARDS_GUESS as f32; BATCH], len);
+    let held = TOWARDS_GUESS as f32;
     for i in 0..len {
-        s.tried.code[i] = normal::encode([s.normal[0][i], s.normal[1][i], s.normal[2][i]]);
+        let guess = [s.normal[0][i], s.normal[1][i], s.normal[2][i]];
+        let crossing: [f32; 12] = std::array::from_fn(|e| s.crossing[e][i]);
+        let mean = [s.mean[0][i], s.mean[1][i], s.mean[2][i]];
+        s.tried.code[i] = normal::encode(near(guess, crossing, mean, held));
     }
     for i in 0..len {
         let depth: [f32; CORNERS] = std::array::from_fn(|c| s.depth[c][i]);
@@ -196,39 +199,27 @@ fn across(mask: u32) -> [f32; 3] {
     [sum[0] * weight, sum[1] * weight, sum[2] * weight]
 }
 
-/// Normals of the planes that fit the crossings best, near the directions in `normal`: least squares over the guess of
-/// length 1 plus an orthogonal term, which `held` keeps small.
+/// Normal of the plane that fits the crossings best, near a guess of any length: least squares over the guess of length 1
+/// plus an orthogonal term, which `held` keeps small.
 #[inline(always)]
-pub(super) fn fit_near(
-    [x, y, z]: &mut [[f32; BATCH]; 3],
-    crossing: &[[f32; BATCH]; 12],
-    mean: &[[f32; BATCH]; 3],
-    held: &[f32; BATCH],
-    len: usize,
-) {
-    for i in 0..len {
-        let [g, e1, e2] = directions([x[i], y[i], z[i]]);
-        // Sums of products of the coordinates along the two directions, and of these with the one along the guess.
-        let (mut s11, mut s12, mut s22, mut r1, mut r2) = (held[i], 0.0, held[i], 0.0, 0.0);
-        let mean = [mean[0][i], mean[1][i], mean[2][i]];
-        for_each_edge!(edge => {
-            let t = crossing[edge][i];
-            let at = on_edge(edge, t, mean);
-            let along = |d: [f32; 3]| choose(t >= 0.0, at[0] * d[0] + at[1] * d[1] + at[2] * d[2], 0.0);
-            let (along, u, v) = (along(g), along(e1), along(e2));
-            s11 += u * u;
-            s12 += u * v;
-            s22 += v * v;
-            r1 += u * along;
-            r2 += v * along;
-        });
-        let determinant = s11 * s22 - s12 * s12;
-        let u = (r2 * s12 - r1 * s22) / determinant;
-        let v = (r1 * s12 - r2 * s11) / determinant;
-        x[i] = g[0] + (u * e1[0] + v * e2[0]);
-        y[i] = g[1] + (u * e1[1] + v * e2[1]);
-        z[i] = g[2] + (u * e1[2] + v * e2[2]);
-    }
+pub(super) fn near(guess: [f32; 3], crossing: [f32; 12], mean: [f32; 3], held: f32) -> [f32; 3] {
+    let [g, e1, e2] = directions(guess);
+    // Sums of products of the coordinates along the two directions, and of these with the one along the guess.
+    let (mut s11, mut s12, mut s22, mut r1, mut r2) = (held, 0.0, held, 0.0, 0.0);
+    for_each_edge!(edge => {
+        let at = on_edge(edge, crossing[edge], mean);
+        let along = |d: [f32; 3]| choose(crossing[edge] >= 0.0, at[0] * d[0] + at[1] * d[1] + at[2] * d[2], 0.0);
+        let (along, u, v) = (along(g), along(e1), along(e2));
+        s11 += u * u;
+        s12 += u * v;
+        s22 += v * v;
+        r1 += u * along;
+        r2 += v * along;
+    });
+    let determinant = s11 * s22 - s12 * s12;
+    let u = (r2 * s12 - r1 * s22) / determinant;
+    let v = (r1 * s12 - r2 * s11) / determinant;
+    [g[0] + (u * e1[0] + v * e2[0]), g[1] + (u * e1[1] + v * e2[1]), g[2] + (u * e1[2] + v * e2[2])]
 }
 
 /// Selects one of two numbers without a branch.
