@@ -67,9 +67,10 @@ struct Neighbourhood {
 pub(super) struct Neighbourhoods(Vec<Neighbourhood>);
 
 impl Neighbourhood {
+    /// A neighbourhood without cells, whose normals have a length.
     const NOWHERE: Self = Self {
         key: (u64::MAX, [0; 3], [0; 3]),
-        normal: [[0.0; SLOTS]; 3],
+        normal: [[0.0; SLOTS], [0.0; SLOTS], [1.0; SLOTS]],
         offset: [0.0; SLOTS],
         has_plane: [0.0; SLOTS],
         alike: [0.0; SLOTS],
@@ -84,7 +85,6 @@ impl Neighbourhood {
         own: [f64; 3],
     ) {
         *self = Self { key, ..Self::NOWHERE };
-        let own = own.map(|c| c as f32);
         let nodes = view.node_count();
         // Between labels cells of the same wall count, and where several walls meet, similar cells.
         let hit = key.0.wrapping_sub(nodes);
@@ -101,19 +101,39 @@ impl Neighbourhood {
             if !is_of_wall(cell) {
                 return;
             }
-            let stored = cells.normal(cell).map(|c| c as f32);
-            let length = (stored[0] * stored[0] + stored[1] * stored[1] + stored[2] * stored[2]).sqrt();
-            let unit = stored.map(|c| c / length);
-            for (all, part) in self.normal.iter_mut().zip(unit) {
-                all[slot] = part;
+            for (all, part) in self.normal.iter_mut().zip(cells.normal(cell)) {
+                all[slot] = part as f32;
             }
             if let Some(plane) = cells.wall(cell).filter(|_| labels.is_some()).or_else(|| cells.plane(cell)) {
-                (self.has_plane[slot], self.offset[slot]) = (1.0, plane.offset as f32 / (2.0 * length));
+                (self.has_plane[slot], self.offset[slot]) = (1.0, plane.offset as f32);
             }
-            let cosine = unit[0] * own[0] + unit[1] * own[1] + unit[2] * own[2];
-            let t = ((cosine - APART) / TO_ALIKE).clamp(0.0, 1.0);
-            self.alike[slot] = t * t * (3.0 - 2.0 * t);
+            self.alike[slot] = 1.0;
         });
+        Form::best().run(Measure { around: self, own: own.map(|c| c as f32) });
+    }
+}
+
+/// Brings the stored normals and offsets of a neighbourhood to unit length, and compares them with the hit cell's normal.
+struct Measure<'a> {
+    around: &'a mut Neighbourhood,
+    own: [f32; 3],
+}
+
+impl Kernel for Measure<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        let Self { around: Neighbourhood { normal: [x, y, z], offset, alike, .. }, own } = self;
+        for j in 0..SLOTS {
+            let length = (x[j] * x[j] + y[j] * y[j] + z[j] * z[j]).sqrt();
+            (x[j], y[j], z[j]) = (x[j] / length, y[j] / length, z[j] / length);
+            offset[j] /= 2.0 * length;
+            let t = (x[j] * own[0] + y[j] * own[1] + z[j] * own[2] - APART) / TO_ALIKE;
+            let t = if t > 0.0 { t } else { 0.0 };
+            let t = if t < 1.0 { t } else { 1.0 };
+            alike[j] *= t * t * (3.0 - 2.0 * t);
+        }
     }
 }
 
