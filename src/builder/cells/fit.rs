@@ -271,7 +271,6 @@ impl Kernel for GradientKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    #[expect(clippy::needless_range_loop, reason = "the index is of many arrays")]
     fn run(self, _: impl Lanes) {
         let b = self.0;
         let len = b.len.next_multiple_of(8).min(BATCH);
