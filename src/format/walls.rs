@@ -161,6 +161,11 @@ impl Walls {
         Self { planes: [first, second, second], count: 2, labels }
     }
 
+    /// True if a part has such a label.
+    pub(crate) fn holds(&self, is_such: impl Fn(u16) -> bool) -> bool {
+        self.labels.iter().any(|label| is_such(*label))
+    }
+
     /// The planes; labels only change at them.
     #[inline]
     pub fn planes(&self) -> &[Plane] {

@@ -356,17 +356,15 @@ impl Prepared {
             let first = |number: usize| parts.get(number).map_or(0, few);
             let camera = place(bodies, request, [width, height], relief, &first)?;
             for (level, part) in levels.iter_mut().zip(parts) {
-                let support = |direction| part.support_to(direction, few(part));
+                let support = |direction| support(&[(part, few(part))], direction, relief);
                 let near_mm = camera.depth_range_mm(support).0;
                 *level = part.level(level_of_detail(part, &camera, (height, request.lod_bias), near_mm));
             }
         }
         let level = |number: usize| levels.get(number).copied().unwrap_or(0);
         let camera = place(bodies, request, [width, height], relief, &level)?;
-        let range_mm = camera.depth_range_mm(|direction| {
-            relief.look_now();
-            support(parts, direction, &level)
-        });
+        let shown: Vec<_> = parts.iter().enumerate().map(|(number, part)| (part, level(number))).collect();
+        let range_mm = camera.depth_range_mm(|direction| support(&shown, direction, relief));
         let mut ambient = scene.ambient;
         if request.ambient_rays > 0 || request.shading.is_some() {
             ambient.rays = request.ambient_rays;
@@ -455,10 +453,14 @@ impl Prepared {
     }
 }
 
-/// Greatest `direction . p` over the points p of boxes of 2^`finest` voxels of all models, in mm.
-fn support(parts: &[Part<'_>], direction: [f64; 3], finest: &dyn Fn(usize) -> u32) -> f64 {
-    let all = parts.iter().enumerate().map(|(number, part)| part.support_to(direction, finest(number)));
-    all.fold(f64::NEG_INFINITY, f64::max)
+/// Greatest `direction . p` over the visible points p of models in boxes of 2^k voxels, in mm; over all points where
+/// every label is hidden.
+fn support(parts: &[(&Part<'_>, u32)], direction: [f64; 3], relief: &Relief<'_>) -> f64 {
+    relief.look_now();
+    let visible = parts.iter().map(|(part, finest)| part.support_to(direction, *finest, &|| relief.look()));
+    let most = visible.fold(f64::NEG_INFINITY, f64::max);
+    let all = || parts.iter().map(|(part, _)| part.support(direction)).fold(f64::NEG_INFINITY, f64::max);
+    if most.is_finite() { most } else { all() }
 }
 
 /// The camera of a picture of this size, before models as boxes of 2^`finest` voxels.
@@ -477,19 +479,13 @@ fn place(
     };
     let slice = request.section.map(|section| ViewPoint::Named(section.view()));
     let point = slice.or(request.point).or(of_scene).unwrap_or(ViewPoint::Named(NamedView::Front));
-    let framed: Vec<_> = parts
-        .iter()
-        .enumerate()
-        .zip(&scene.models)
-        .filter(|(_, model)| model.framed)
-        .map(|(part, _)| part)
-        .collect();
-    let frame = |direction| {
-        relief.look_now();
-        let framed = framed.iter().map(|(number, part)| part.support_to(direction, finest(*number)));
-        let most = framed.fold(f64::NEG_INFINITY, f64::max);
-        if most.is_finite() { most } else { support(parts, direction, finest) }
-    };
+    let all = || (0..).zip(parts).map(|(number, part)| (part, finest(number)));
+    let mut framed: Vec<_> =
+        all().zip(&scene.models).filter(|(_, model)| model.framed).map(|(part, _)| part).collect();
+    if framed.is_empty() {
+        framed = all().collect();
+    }
+    let frame = |direction| support(&framed, direction, relief);
     let projection = match request.section {
         Some(_) => Projection::Parallel,
         None => request.projection.or(own.projection).unwrap_or_default(),

@@ -1,18 +1,28 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
+use std::cell::Cell;
+
 use crate::cpu::{Form, Kernel, Lanes};
 use crate::fault::{Fault, unfit};
 use crate::format::Walls;
 use crate::format::cell::{CORNERS, Plane};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
-use crate::load::{CellItems, CellShape, ModelView, NodeView};
+use crate::load::{CellShape, ModelView, NodeView};
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
 use super::tile::RAYS;
+use super::walls::Hidden;
 
 /// Deepest level below the root for the search of extents.
 const FINEST_DEPTH: u32 = 11;
+
+/// Cells between two calls of `look` in a search for visible labels: they lie close together, so a few pages of each
+/// section hold them.
+const CELLS_A_LOOK: u32 = 64;
+
+/// The lowest cell along each axis, and the end.
+pub(crate) type Bounds = [[u32; 3]; 2];
 
 /// A model's place in the world.
 #[derive(Clone, Debug)]
@@ -149,31 +159,101 @@ impl GridSpace {
 
     /// [`GridSpace::support`] with boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, view: &ModelView<'_>, direction: [f64; 3], finest: u32) -> f64 {
-        self.support_within(view, direction, finest, None)
+        let finest = self.dims.depth().saturating_sub(FINEST_DEPTH).max(finest);
+        self.support_within(view, self.along(direction), (self.whole(), finest), None)
     }
 
     /// [`GridSpace::support`] of the inside: in cells the part behind the surface, or with a label.
     pub(crate) fn support_of_inside(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
-        let cells = view.cells().filter(|_| self.dims.depth() <= FINEST_DEPTH);
-        self.support_within(view, direction, 0, cells.as_ref())
+        let Some(cells) = view.cells().filter(|_| self.dims.depth() <= FINEST_DEPTH) else {
+            return self.support(view, direction);
+        };
+        let reach = |way: &Way<'_>, cell: u64, at: [u32; 3]| match view.walls(cell) {
+            Some(walls) => way.bound_of_walls(&walls, at),
+            None => match cells.shape(cell) {
+                CellShape::Plane(plane) => way.bound_of_leaf(&plane, at, 1),
+                CellShape::Corners(corners) => way.bound_of_corners(corners, at),
+            },
+        };
+        self.support_within(view, self.along(direction), (self.whole(), 0), Some(&reach))
     }
 
-    fn support_within(
+    /// [`GridSpace::support`] of the cells with a label that is not hidden, exact for every size; `bounds` encloses them,
+    /// and `look` is called now and then.
+    ///
+    /// Cost: the cells within `bounds` that are farther out.
+    pub(crate) fn support_of_visible(
         &self,
         view: &ModelView<'_>,
         direction: [f64; 3],
-        finest: u32,
-        cells: Option<&CellItems<'_>>,
+        (hidden, bounds): (&Hidden, Bounds),
+        look: &dyn Fn(),
+    ) -> f64 {
+        self.visible_within(view, self.along(direction), (hidden, bounds), look)
+    }
+
+    /// Bounds of the cells with a label that is not hidden.
+    ///
+    /// Each side is searched within the sides found before, so every cell beyond the bounds is looked at once.
+    pub(crate) fn bounds_of_visible(&self, view: &ModelView<'_>, hidden: &Hidden, look: &dyn Fn()) -> Bounds {
+        let mut bounds = self.whole();
+        for (axis, side) in (0..6).map(|i| (i / 2, i % 2)) {
+            let mut weight = [0.0; 3];
+            weight[axis] = [-1.0, 1.0][side];
+            let most = self.visible_within(view, (weight, 0.0), (hidden, bounds), look);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of a cell")]
+            {
+                bounds[side][axis] = most.abs() as u32;
+            }
+        }
+        bounds
+    }
+
+    fn visible_within(
+        &self,
+        view: &ModelView<'_>,
+        along: ([f64; 3], f64),
+        (hidden, bounds): (&Hidden, Bounds),
+        look: &dyn Fn(),
+    ) -> f64 {
+        let looked = Cell::new(0_u32);
+        let reach = |way: &Way<'_>, cell: u64, at: [u32; 3]| {
+            looked.set(looked.get().wrapping_add(1));
+            if looked.get().is_multiple_of(CELLS_A_LOOK) {
+                look();
+            }
+            let is_visible =
+                view.walls(cell).is_some_and(|walls| walls.holds(|label| hidden.seen(label) > 0));
+            if is_visible { way.bound(at, 1) } else { f64::NEG_INFINITY }
+        };
+        self.support_within(view, along, (bounds, 0), Some(&reach))
+    }
+
+    /// All cells of the grid.
+    fn whole(&self) -> Bounds {
+        [[0; 3], [1 << self.dims.depth(); 3]]
+    }
+
+    /// A direction of the world as a function of the grid: weights and constant.
+    fn along(&self, direction: [f64; 3]) -> ([f64; 3], f64) {
+        let weight = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
+        (weight, dot(direction, self.grid_to_world.origin()))
+    }
+
+    /// Greatest value within `bounds` of boxes of 2^`finest` voxels, of which `reach` gives the value of a single cell.
+    fn support_within(
+        &self,
+        view: &ModelView<'_>,
+        (weight, constant): ([f64; 3], f64),
+        (bounds, finest): (Bounds, u32),
+        reach: Option<&dyn Fn(&Way<'_>, u64, [u32; 3]) -> f64>,
     ) -> f64 {
         let depth = self.dims.depth();
-        let finest = depth.saturating_sub(FINEST_DEPTH).max(finest);
-        let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
-        let constant = dot(direction, self.grid_to_world.origin());
         if view.is_empty() || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
             let corner = self.dims.to_array();
             return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
         }
-        let way = Way { weight, constant, view, farthest: farthest_octants(weight) };
+        let way = Way { weight, constant, bounds, view };
         let root = (way.bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth);
         let mut best = f64::NEG_INFINITY;
         let mut waiting = vec![root];
@@ -200,23 +280,16 @@ impl GridSpace {
                     continue;
                 }
                 if level - 1 == finest {
-                    let walls = cells.and_then(|_| view.walls(child.voxel(view.node_count()).get()));
-                    if let Some(walls) = walls {
-                        best = best.max(way.bound_of_walls(&walls, at));
-                        continue;
+                    let most = way.bound(at, half);
+                    if most > best {
+                        let cell = || child.voxel(view.node_count()).get();
+                        best = best.max(reach.map_or(most, |reach| reach(&way, cell(), at)));
                     }
-                    best = best.max(
-                        match cells.map(|cells| cells.shape(child.voxel(view.node_count()).get())) {
-                            Some(CellShape::Plane(plane)) => way.bound_of_leaf(&plane, at, half),
-                            Some(CellShape::Corners(corners)) => way.bound_of_corners(corners, at),
-                            None => way.bound(at, half),
-                        },
-                    );
                     continue;
                 }
                 // At most as far as the farthest of its own children.
                 let most = way.bound_of_node(child, at, level - 1);
-                if most > best && level - 2 == finest && cells.is_none() {
+                if most > best && level - 2 == finest && reach.is_none() {
                     best = most;
                 } else if most > best {
                     waiting.push((most, child, at, level - 1));
@@ -261,15 +334,19 @@ impl Kernel for NormalsToWorld<'_> {
 struct Way<'a> {
     weight: [f64; 3],
     constant: f64,
+    bounds: Bounds,
     view: &'a ModelView<'a>,
-    farthest: [Octant; 8],
 }
 
 impl Way<'_> {
-    /// Greatest value within a box.
+    /// Greatest value within a box and the bounds; -inf without a cell in both.
     fn bound(&self, low: [u32; 3], edge: u32) -> f64 {
+        let [from, end] = self.bounds;
+        if (0..3).any(|a| low[a] >= end[a] || low[a] + edge <= from[a]) {
+            return f64::NEG_INFINITY;
+        }
         (0..3).fold(self.constant, |sum, a| {
-            let at = if self.weight[a] > 0.0 { low[a] + edge } else { low[a] };
+            let at = if self.weight[a] > 0.0 { (low[a] + edge).min(end[a]) } else { low[a].max(from[a]) };
             sum + self.weight[a] * f64::from(at)
         })
     }
@@ -324,19 +401,11 @@ impl Way<'_> {
     /// Greatest value within a node's children.
     fn bound_of_node(&self, node: BoxIndex, low: [u32; 3], level: u32) -> f64 {
         let (half, infobyte) = (1_u32 << (level - 1), self.view.infobyte(node.node()));
-        let farthest = self.farthest.iter().find(|octant| octant.is_in(infobyte));
+        let inside = Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte));
         let bound =
-            |octant: &Octant| self.bound(std::array::from_fn(|a| low[a] + octant.high()[a] * half), half);
-        farthest.map_or(f64::NEG_INFINITY, bound)
+            |octant: Octant| self.bound(std::array::from_fn(|a| low[a] + octant.high()[a] * half), half);
+        inside.map(bound).fold(f64::NEG_INFINITY, f64::max)
     }
-}
-
-/// Octants, farthest along a direction first.
-fn farthest_octants(weight: [f64; 3]) -> [Octant; 8] {
-    let mut all = Octant::ALL;
-    let along = |octant: &Octant| (0..3).map(|a| weight[a] * f64::from(octant.high()[a])).sum::<f64>();
-    all.sort_by(|a, b| along(b).total_cmp(&along(a)));
-    all
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ use crate::render::normals::around::Surroundings;
 use crate::render::normals::shown::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};
 use crate::render::ray::Ray;
 use crate::render::shade::{Shader, linear_of};
+use crate::render::space::Bounds;
 use crate::render::surface::Skin;
 use crate::render::traverse::Hit;
 use crate::render::walls::Hidden;
@@ -58,6 +59,8 @@ pub struct Part<'a> {
     colors: Option<Colors<'a>>,
     opacity: Option<Opacity<'a>>,
     clip: Clip,
+    /// Bounds of the visible labels; found when a camera is first placed.
+    visible: OnceLock<Bounds>,
 }
 
 impl<'a> Part<'a> {
@@ -83,6 +86,7 @@ impl<'a> Part<'a> {
             colors: None,
             opacity: None,
             clip,
+            visible: OnceLock::new(),
         })
     }
 
@@ -93,7 +97,7 @@ impl<'a> Part<'a> {
     pub(crate) fn alone(view: &'a ModelView<'a>, dims: Dims, affine: &Affine) -> Result<Self, RenderError> {
         let space = GridSpace::new(dims, affine)?;
         let (material, clip, colors) = (Material::default(), Clip::default(), Colors::stored(view));
-        Ok(Self { view, space, file: 0, material, colors, opacity: None, clip })
+        Ok(Self { view, space, file: 0, material, colors, opacity: None, clip, visible: OnceLock::new() })
     }
 
     /// This model with another material and cut.
@@ -116,7 +120,7 @@ impl<'a> Part<'a> {
     /// This model with labels, some of which may be hidden or not solid.
     #[must_use]
     pub(crate) fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
-        Self { opacity, ..self }
+        Self { opacity, visible: OnceLock::new(), ..self }
     }
 
     /// True if some labels let a part of the light through, but are visible.
@@ -181,9 +185,19 @@ impl<'a> Part<'a> {
         self.space.support_of_inside(self.view, direction)
     }
 
-    /// [`Part::support`] with boxes of 2^`finest` voxels.
-    pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32) -> f64 {
-        self.space.support_to(self.view, direction, finest)
+    /// [`Part::support`] of what is visible, with boxes of 2^`finest` voxels, or cells where labels are hidden; -inf if
+    /// all are. `look` is called now and then during a long search.
+    pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32, look: &dyn Fn()) -> f64 {
+        let (space, view) = (&self.space, self.view);
+        match &self.opacity {
+            Some(opacity) if opacity.is_invisible() => f64::NEG_INFINITY,
+            Some(opacity) if opacity.hides_some() => {
+                let hidden = opacity.hidden(true);
+                let bounds = self.visible.get_or_init(|| space.bounds_of_visible(view, hidden, look));
+                space.support_of_visible(view, direction, (hidden, *bounds), look)
+            }
+            _ => space.support_to(view, direction, finest),
+        }
     }
 
     pub(crate) fn view(&self) -> &'a ModelView<'a> {

@@ -88,6 +88,8 @@ pub struct Opacity<'a> {
     /// Labels invisible to sight, and labels that do not stop light.
     unseen: Hidden,
     clear: Hidden,
+    /// True if every label is invisible to sight.
+    is_invisible: bool,
 }
 
 impl<'a> Opacity<'a> {
@@ -105,12 +107,23 @@ impl<'a> Opacity<'a> {
         parts.sort_by_key(|part| part.0);
         let up_to = |most: f64| Hidden::of(parts.iter().filter(|part| part.1 <= most).map(|part| part.0));
         let (unseen, clear) = (up_to(0.0), up_to(1.0));
-        Ok(Self { labels, parts, unseen, clear })
+        let is_invisible = parts.iter().filter(|part| part.1 <= 0.0).count() == table.len();
+        Ok(Self { labels, parts, unseen, clear, is_invisible })
     }
 
     /// True if some label lets a part of the light through, but not all.
     pub(super) fn is_translucent(&self) -> bool {
         self.parts.iter().any(|part| part.1 > 0.0)
+    }
+
+    /// True if some label is invisible to sight.
+    pub(super) fn hides_some(&self) -> bool {
+        self.parts.iter().any(|part| part.1 <= 0.0)
+    }
+
+    /// True if every label is invisible to sight.
+    pub(super) fn is_invisible(&self) -> bool {
+        self.is_invisible
     }
 
     /// True if every label is solid.

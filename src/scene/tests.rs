@@ -298,6 +298,41 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
     }
 }
 
+/// As every cell with a visible label says, in any direction.
+#[test]
+fn the_extent_of_visible_labels_is_exact() {
+    let mut random = Random(5);
+    let blocks: Vec<u16> = (0..6_u32.pow(3)).map(|_| random.below(7_u16)).collect();
+    let model = labelled(24, &|[x, y, z]| blocks[(x / 4 + 6 * (y / 4 + 6 * (z / 4))) as usize]);
+    let placement = Affine { rows: [[0.9, 0.0, 0.3, 5.0], [0.1, -1.2, 0.2, -7.0], [0.0, 0.1, 2.0, 3.0]] };
+    let view = model.view();
+    for number in 1..=6 {
+        let hide = |labels| LabelRule { labels, opacity: 0.0 };
+        let show = LabelRule { labels: LabelPick::Numbers([number; 2]), opacity: 1.0 };
+        for rules in [vec![hide(LabelPick::All), show], vec![hide(LabelPick::Numbers([number, 6]))]] {
+            let opacity = Opacity::of(&rules, view.labels().unwrap(), &model.frame().labels).unwrap();
+            let part = part(&model, &view, &placement).labelled(Some(opacity.clone()));
+            let is_visible = |label: u16| opacity.part(label) > 0.0;
+            let shown =
+                model.voxels().places().filter(|(cell, _)| view.walls(*cell).unwrap().holds(is_visible));
+            let shown: Vec<[u32; 3]> = shown.map(|(_, low)| low).collect();
+            for _ in 0..20 {
+                let direction = unit(&mut random);
+                let corners = shown.iter().flat_map(|low| {
+                    (0..8_u32).map(|c| std::array::from_fn(|a| f64::from(low[a] + (c >> a & 1)) - 0.5))
+                });
+                let along = |corner| dot(direction, placement.apply(model.affine().apply(corner)));
+                let want = corners.map(along).fold(f64::NEG_INFINITY, f64::max);
+                let found = part.support_to(direction, 0, &|| {});
+                assert!(
+                    found == want || (found - want).abs() < 1e-9,
+                    "{rules:?} {direction:?}: {found} {want}"
+                );
+            }
+        }
+    }
+}
+
 /// A plate seen from above, with a wall around its middle.
 #[test]
 fn walls_darken_what_they_surround_and_a_plate_alone_stays() {

@@ -207,27 +207,19 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     let names = file(folder.path(), "names.csv", b"index,name\n7,ball\n5,The Box\n");
     let how = ["--labels", "all", "--names", &text(&names), "--each", &at("each")];
     assert_eq!(command::build(&[&input], Path::new(&at("all.oct")), &how).code, 0);
-    // The colours and normals of a model from a fixed place, and how many rays hit.
-    let shown = |model: &str, how: &[&str]| {
+    // The colours and normals of a model, and how many rays hit.
+    let seen = |model: &str, how: &[&str]| {
         let (picture, normals) = (at("p.png"), at("n.png"));
-        let camera = [
-            "--eye",
-            "-70,-90,60",
-            "--look-at",
-            "18,16,16",
-            "--projection",
-            "perspective",
-            "--fov",
-            "20",
-            "--size",
-            "48x40",
-            "--samples",
-            "4",
-        ];
         let files = ["render", &at(model), "-o", &picture, "--normals", &normals, "--json"];
-        let json = oct(&[&files[..], &camera, how].concat()).json();
+        let fine = ["--projection", "perspective", "--size", "48x40", "--samples", "4"];
+        let json = oct(&[&files[..], &fine, how].concat()).json();
         let read = |name: &str| std::fs::read(at(name)).unwrap();
         (read("n.png"), read("p.png"), json["hits"].as_u64().unwrap())
+    };
+    // From a fixed place.
+    let shown = |model: &str, how: &[&str]| {
+        let camera = ["--eye", "-70,-90,60", "--look-at", "18,16,16", "--fov", "20"];
+        seen(model, &[&camera, how].concat())
     };
     // What is left of the whole is what a model of that alone shows.
     let ball = shown("each/ball.oct", &["--only", "7"]);
@@ -242,6 +234,11 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     ] {
         let found = shown("all.oct", how);
         assert!((&found.0, found.2) == (&ball.0, ball.2), "{how:?}");
+        // A camera without a place frames what is visible.
+        for view in [&["--view", "iso"][..], &["--view", "top", "--annotate"]] {
+            let [own, found] = [seen("each/ball.oct", view), seen("all.oct", &[view, how].concat())];
+            assert!((&found.0, found.2) == (&own.0, own.2), "{view:?} {how:?}");
+        }
     }
     for how in [&["--hide", "ball"][..], &["--only", "5,10..20"]] {
         let found = shown("all.oct", how);
