@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 26] = [
+const OTHERWISE: [(&str, &str); 27] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -16,6 +16,7 @@ const OTHERWISE: [(&str, &str); 26] = [
     ("build", "oct build"),
     ("jobs::build(MESH)", "oct build MESH -o MODEL.oct"),
     ("jobs::build(TREE.csg)", "oct build TREE.csg -o MODEL.oct"),
+    ("jobs::compare", "oct compare"),
     ("jobs::export::export_each", "--each"),
     ("jobs::info", "oct info"),
     ("jobs::parts::Stage", "--stage"),

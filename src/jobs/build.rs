@@ -34,6 +34,7 @@ use crate::discovery;
 use crate::error::Error;
 use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
+use crate::measure::nearest::Space;
 use crate::mesh::{
     Fill, GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
 };
@@ -41,7 +42,7 @@ use crate::platform::{PositionalFile, give_back};
 use crate::render::NamedView;
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
-use crate::text::names::{GRADIENT, OUTPUT};
+use crate::text::names::{COMPARE, GRADIENT, OUTPUT};
 use crate::volume::{Preparation, SourceError, SourceFault, VolumeSource, Workspace, sentences};
 
 /// Suffixes of files that are neither models nor PNG pictures.
@@ -257,7 +258,8 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Ratio of the longest to the shortest spacing from which a surface shows steps.
 const UNEVEN: f64 = 3.0;
 
-/// Hints on other options: for a CT whose threshold was not chosen, and for uneven spacing.
+/// Hints on other options: for a CT whose threshold was not chosen, for uneven spacing, and for axes in which nothing can
+/// be measured.
 fn hints(
     source: &dyn VolumeSource,
     threshold: Threshold,
@@ -274,7 +276,9 @@ fn hints(
     let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
     let uneven = (surface == SurfaceKind::Skin && sides[axis] > 1 && times >= UNEVEN)
         .then_some(Hint::Uneven { spacing_mm, axis, times });
-    bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
+    let hints = bone.into_iter().chain(uneven).map(|hint| hint.to_string());
+    let unfit = if surface == SurfaceKind::Cells { Space::new(&source.info().affine).err() } else { None };
+    hints.chain(unfit.map(|fault| format!("`{COMPARE}` refuses this model: it {}", fault.text))).collect()
 }
 
 /// Use of a finished solid.

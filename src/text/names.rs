@@ -97,6 +97,7 @@ names! {
     BUILD = "build",
     BUILD_MESH = "jobs::build(MESH)",
     BUILD_TREE = "jobs::build(TREE.csg)",
+    COMPARE = "jobs::compare",
     INFO = "jobs::info",
     MERGE = "jobs::parts::merge",
     PART = "jobs::parts::part",

@@ -273,6 +273,16 @@ fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     let mut tilted = PLAIN;
     tilted[1][2] = 0.2;
     let tilted = stage.model("t.oct", tilted, |p| ball.distance(p));
+    // A volume of zeros, and one without the samples that its header states.
+    let volume = |name: &str, lean: &str, bytes: usize| {
+        let head = format!(
+            "NRRD0004\ndimension: 3\ntype: float\nsizes: 9 9 9\nspace: left-posterior-superior\n\
+             space directions: (1,0,0) (0,1,0) ({lean},0,1)\nencoding: raw\nendian: little\n\n"
+        );
+        fs::write(stage.at(name), [head.as_bytes(), &vec![0; bytes]].concat()).unwrap();
+        stage.at(name)
+    };
+    let [cut, lean] = [volume("v.nrrd", "0", 9), volume("w.nrrd", "0.2", 4 * 9 * 9 * 9)];
     let refused = |args: &[&str], code: i32, words: &[&str]| {
         oct(&[&["compare"], args].concat()).refused(code, words);
     };
@@ -280,6 +290,11 @@ fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     refused(&[&skin, &fine], 3, &["s.oct", "skin", "cells"]);
     refused(&[&leaves, &fine], 3, &["l.oct", "larger leaves"]);
     refused(&[&fine, &tilted], 3, &["t.oct", "right angles", "resample"]);
+    // Headers say so, before either is built.
+    refused(&[&fine, &cut], 3, &["v.nrrd", "bytes"]);
+    for nominal in [&tilted, &lean] {
+        refused(&[&cut, nominal], 3, &[&nominal[nominal.len() - 5..], "right angles", "resample"]);
+    }
     refused(&[&fine, &fine, "--place", "2,0,0,0,0,2,0,0,0,0,2,0"], 2, &["scales"]);
     refused(&[&fine, &fine, "-o", &fine], 2, &["a.oct"]);
     // As the nominal, larger leaves are measured within their bound.

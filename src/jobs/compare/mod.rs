@@ -32,7 +32,7 @@ pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
 use rule::{Doubt, Measured, Row, Rule};
-use subject::Input;
+use subject::{Input, refuse_unfit};
 
 /// Part of the nominal's diagonal within which counterparts are looked for.
 const RADIUS: f64 = 1.0 / 20.0;
@@ -121,6 +121,7 @@ pub fn compare(
         [actual, nominal].iter().try_for_each(|input| refuse_input(input, output))?;
     }
     let folder = outputs.model.or(outputs.csv).unwrap_or(actual);
+    [actual, nominal].into_iter().try_for_each(|input| refuse_unfit(input, request))?;
     let one = Input::open(actual, None, request, folder, progress)?;
     let finest = one.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;

@@ -7,10 +7,12 @@ use super::super::build::{BuildJob, GridOptions, convert};
 use super::super::opened::open_model;
 use super::super::verify::verify_unless_packed;
 use super::*;
+use crate::budget::Budget;
 use crate::clean::CleanOptions;
 use crate::format::MAGIC;
+use crate::measure::nearest::Space;
 use crate::mesh::GridChoice;
-use crate::source::{OpenOptions, SubjectKind};
+use crate::source::{OpenOptions, Subject, SubjectKind};
 
 /// Voxels left free around a mesh, so that its surface keeps off the border.
 const MARGIN: u32 = 2;
@@ -24,6 +26,26 @@ pub(super) struct Input {
     pub(super) warnings: Vec<String>,
     /// Folder of the model that was built.
     _folder: Option<tempfile::TempDir>,
+}
+
+/// Refuses a model or a volume whose axes are unfit, before anything is built. Faults in opening one are left to
+/// [`Input::open`].
+pub(super) fn refuse_unfit(path: &Path, request: &CompareRequest) -> Result<(), Error> {
+    let inputs = [path.to_path_buf()];
+    let affine = if is_model(path) {
+        Model::map(path).ok().map(|model| model.affine())
+    } else if SubjectKind::of(&inputs) == SubjectKind::Volume {
+        let opening_bytes = Some(Budget::of(request.memory).left_bytes());
+        let how = OpenOptions { opening_bytes, ..OpenOptions::default() };
+        match Subject::open_as(SubjectKind::Volume, &inputs, &how, &std::env::temp_dir()) {
+            Ok(Subject::Volume(volume)) => Some(volume.info().affine),
+            _ => None,
+        }
+    } else {
+        None
+    };
+    let fault = affine.and_then(|affine| Space::new(&affine).err());
+    fault.map_or(Ok(()), |fault| Err(fault.at(path).into()))
 }
 
 impl Input {

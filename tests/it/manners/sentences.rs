@@ -91,12 +91,20 @@ fn uneven_spacing_and_a_ct_without_a_threshold_are_told() {
     let at = |name: &str| text(&folder.path().join(name));
     raw(&folder.path().join("v.raw"), [24, 24, 24], ball(24, 9.0));
     let (source, model) = (at("v.raw"), at("m.oct"));
+    let lean = "NRRD0004\ndimension: 3\ntype: ushort\nsizes: 24 24 24\nspace: left-posterior-superior\n\
+                space directions: (1,0,0) (0,1,0) (0.2,0,1)\nencoding: raw\nendian: little\ndata file: v.raw\n";
+    std::fs::write(at("lean.nrrd"), lean).unwrap();
     let hints = |args: &[&str]| -> Vec<String> {
         let report = oct(&[&["build", "-o", &model, "--json"], args].concat()).json();
         report["hints"].as_array().unwrap().iter().map(|hint| hint.as_str().unwrap().to_owned()).collect()
     };
     let shape =
         |spacing| [&source, "--dims", "24x24x24", "--dtype", "u16", "--iso", "500", "--spacing", spacing];
+    let told = hints(&[&at("lean.nrrd"), "--iso", "500", "--surface", "cells"]);
+    assert!(
+        told.len() == 1 && told[0].contains("`oct compare` refuses") && told[0].contains("resample"),
+        "{told:?}"
+    );
     let told = hints(&shape("0.5x0.5x5"));
     assert!(
         told.len() == 1 && told[0].contains("are 10 times longer along z") && told[0].contains("stairs"),
