@@ -1,6 +1,7 @@
 //! Help: the options that matter for `-h`, all of them in groups for `--help`, and pages for `oct help PAGE`.
 
 use clap::{Arg, Command, CommandFactory};
+use infobyte::text::nearest;
 
 use crate::args::Cli;
 
@@ -39,7 +40,7 @@ const GROUPS: [(&str, &str); 5] = [
 const CLAUSE_ENDS: [&str; 5] = ["; ", ": ", ". ", ", such as", ", by default"];
 
 /// Words of other programs for commands and options of this one.
-const SYNONYMS: [(&str, &str); 10] = [
+const SYNONYMS: [(&str, &str); 11] = [
     ("info", "measure stats metadata show header"),
     ("build", "convert import voxelize create"),
     ("export", "mesh save stl"),
@@ -50,12 +51,15 @@ const SYNONYMS: [(&str, &str); 10] = [
     ("--iso", "--threshold --level --isovalue"),
     ("--output", "--out --file"),
     ("--grid", "--resolution --voxels"),
+    ("--size", "--width --height --resolution"),
 ];
 
-/// The command or option of this program that a word of another one stands for.
-pub(crate) fn synonym(word: &str) -> Option<&'static str> {
-    let known = |names: &str| names.split(' ').any(|name| name == word);
-    SYNONYMS.iter().find(|(_, names)| known(names)).map(|(own, _)| *own)
+/// The likely meaning of an unknown word among these commands or options: a word of another program for one of them, or
+/// the most similar one.
+pub(crate) fn meant(word: &str, known: &[String]) -> Option<String> {
+    let others = SYNONYMS.iter().flat_map(|(own, names)| names.split(' ').map(move |name| (name, *own)));
+    let others = others.filter(|(_, own)| known.iter().any(|name| name == own));
+    nearest(word, others.chain(known.iter().map(|name| (&**name, &**name)))).map(str::to_owned)
 }
 
 /// The command line as help shows it; short help has no groups.

@@ -100,24 +100,32 @@ fn refuse(e: &clap::Error) -> ExitCode {
     let known = args::Cli::command();
     let command = words().find_map(|word| word.to_str().and_then(|word| known.find_subcommand(word)));
     let help = command.map_or_else(|| "oct --help".to_owned(), |of| format!("oct {} --help", of.get_name()));
-    let meant = meant(e).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+    let meant = meant(e, command.unwrap_or(&known))
+        .map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
     let sentence = format!("{}{meant}; see `{help}`", first_paragraph(&e.to_string()));
     // The command line could not be read, so its words are looked at.
     let as_json = words().any(|word| word == "--json");
     tell(&sentence, ExitKind::Usage, as_json)
 }
 
-/// The likely meaning of an unknown command or option: a word for the same thing, or the most similar one.
-fn meant(e: &clap::Error) -> Option<&str> {
-    let guess = |kind| match e.get(kind)? {
-        ContextValue::String(word) => Some(word.as_str()),
-        // clap lists the most similar one last.
-        ContextValue::Strings(words) => words.last().map(String::as_str),
-        _ => None,
+/// The likely meaning of an unknown subcommand or option of a command.
+fn meant(e: &clap::Error, command: &clap::Command) -> Option<String> {
+    let (word, known): (_, Vec<String>) = match e.kind() {
+        ErrorKind::UnknownArgument => {
+            let options = command.get_arguments().filter_map(clap::Arg::get_long);
+            let known = options.chain(["help"]).map(|name| format!("--{name}"));
+            (e.get(ContextKind::InvalidArg)?, known.collect())
+        }
+        ErrorKind::InvalidSubcommand => {
+            let known = command.get_subcommands().map(|command| command.get_name().to_owned());
+            (e.get(ContextKind::InvalidSubcommand)?, known.collect())
+        }
+        _ => return None,
     };
-    let unknown = || guess(ContextKind::InvalidSubcommand).or_else(|| guess(ContextKind::InvalidArg));
-    let synonym = unknown().and_then(help::synonym);
-    synonym.or_else(|| guess(ContextKind::SuggestedSubcommand)).or_else(|| guess(ContextKind::SuggestedArg))
+    match word {
+        ContextValue::String(word) => help::meant(word, &known),
+        _ => None,
+    }
 }
 
 /// The first paragraph of clap's output, which describes the error; usage and hints follow after an empty line.
@@ -360,7 +368,9 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         if report.copies > 0 {
             text += &format!(", {} skipped as copies", report.copies);
         }
-        text += if args.values {
+        text += if report.usable + report.refused == 0 {
+            NOTHING_FOUND
+        } else if args.values {
             "; values were read, too\n"
         } else {
             "; only headers were read, so that damaged pixels, or none inside, show in the batch\n"
@@ -380,6 +390,9 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     };
     Ok(put(&if args.json { json() } else { text() })?)
 }
+
+/// End of the sentence on folders without a volume.
+const NOTHING_FOUND: &str = ": no DICOM, NRRD, NIfTI, MetaImage, MRC, VTK, VGStudio, Amira, NumPy, Zarr, TIFF, PNG or mesh (STL, PLY, OBJ, OFF, glTF, 3MF), no tree of solids (.csg), and no headerless voxels with a side-car were found (`oct help formats`)\n";
 
 /// Reason for files that are left out without a known one.
 const NOT_VOLUME: &str = "not a volume";

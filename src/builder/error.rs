@@ -13,7 +13,7 @@ use crate::fault::{Fault, unfit, usage};
 use crate::format::{FormatError, Selection};
 use crate::progress::Stopped;
 use crate::text::names::{DTYPE, ISO, MEMORY, RANGE, ROI, SCRATCH, SURFACE, THREADS};
-use crate::text::{Short, reading, shown, writing};
+use crate::text::{Short, shown, writing};
 use crate::volume::{SourceError, SourceFault};
 
 opaque_error! {
@@ -40,7 +40,7 @@ pub(crate) enum BuildFault {
         "{name}: holds no finite value; check that it is the right file, and of headerless voxels check {DTYPE}"
     )]
     NoNumbers { name: String },
-    #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
+    #[error("scratch file in {}: {cause}; {} ({SCRATCH})", shown(.path), writing(.cause))]
     Scratch {
         path: PathBuf,
         #[source]

@@ -1,6 +1,5 @@
 //! Models on disk in their places: a scene of several, or a single one.
 
-use std::fmt::Display;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -18,14 +17,12 @@ use crate::progress::{Progress, Silent};
 use crate::render::annotate::{Entry, Ramp};
 use crate::render::shade::Shader;
 use crate::render::{Image, Projection, RenderFault, ViewPoint};
-#[cfg(feature = "python")]
-pub(crate) use crate::scene::LabelPick;
 use crate::scene::{
     self, Coloring, Colors, Key, MAX_BYTES, Opacity, Part, Scene, SceneError, SceneModel, Seen, Table,
 };
-pub(crate) use crate::scene::{LabelRule, Section};
+pub(crate) use crate::scene::{LabelPick, LabelRule, Section};
 use crate::text::names::{INFO, LABELS, LEGEND, SECTION};
-use crate::text::{Short, shown};
+use crate::text::{Short, nearest, shown};
 
 /// True if a file's name says that it is the text of a scene, not a model.
 pub fn is_scene(path: &Path) -> bool {
@@ -171,7 +168,7 @@ fn parts<'a, D: AsRef<[u8]>>(
             return Err(unlabelled(path).into());
         }
         Some(rule) => {
-            return Err(no_label(&rule.labels, path).into());
+            return Err(no_label(&rule.labels, tables().flatten(), path).into());
         }
         None => {}
     }
@@ -407,8 +404,17 @@ pub(super) fn unlabelled(path: &Path) -> Fault {
     usage!("has no labels to choose from; build a map of labels with {LABELS}").at(path)
 }
 
-pub(super) fn no_label(label: &dyn Display, path: &Path) -> Fault {
-    usage!("has no label {label}; {INFO} lists those of a model").at(path)
+pub(super) fn no_label<'t>(
+    pick: &LabelPick,
+    table: impl IntoIterator<Item = &'t Label>,
+    path: &Path,
+) -> Fault {
+    let near = match pick {
+        LabelPick::Name(name) => nearest(name, table.into_iter().map(|label| (&*label.name, &*label.name))),
+        _ => None,
+    };
+    let meant = near.map_or_else(String::new, |name| format!("; did you mean '{}'?", shown(name)));
+    usage!("has no label {pick}{meant}; {INFO} lists those of a model").at(path)
 }
 
 /// The light that the labels of a model stop; `None` for one without labels.
@@ -425,7 +431,7 @@ fn opacity<'a, D: AsRef<[u8]>>(
             let table = &model.frame().labels;
             Opacity::of(&rules_of(placed, request, table), labels, table)
                 .map(Some)
-                .map_err(|label| no_label(&label, path))
+                .map_err(|pick| no_label(pick, table, path))
         }
     }
 }

@@ -6,6 +6,7 @@
 //! | `encoding` | byte order marks of text files |
 //! | `foreign` | text from outside, in the one way in which it is printed |
 //! | `names` | names of options and jobs, as the caller knows them |
+//! | `nearest` | the name that a mistyped word was meant to be |
 //! | `number` | numbers with their significant digits |
 //! | `system` | cures for refusals of the operating system |
 
@@ -13,6 +14,7 @@ mod color;
 mod encoding;
 mod foreign;
 pub(crate) mod names;
+mod nearest;
 mod number;
 mod system;
 
@@ -25,6 +27,7 @@ pub(crate) use encoding::{mark_bytes, plain_head};
 pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};
+pub use nearest::nearest;
 pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};
 

@@ -10,7 +10,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::fault::{Fault, FaultKind};
 use crate::progress::Stopped;
 use crate::text::names::{MEMORY, SCRATCH};
-use crate::text::{reading, shown};
+use crate::text::{reading, shown, writing};
 
 opaque_error! {
     /// A source that cannot be used: the file or folder, and the reason.
@@ -35,7 +35,7 @@ pub(crate) enum SourceFault {
     },
     #[error(transparent)]
     Said(#[from] Fault),
-    #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
+    #[error("scratch file in {}: {cause}; {} ({SCRATCH})", shown(.path), writing(.cause))]
     Scratch {
         path: PathBuf,
         #[source]

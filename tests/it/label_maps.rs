@@ -384,7 +384,7 @@ fn tables_and_maps_that_do_not_fit_are_told_apart_from_those_that_do() {
     let mut object = Object::new([32, 32, 32], infobyte::ScalarType::U32, [1.0; 3]);
     object.bytes = wide;
     command::build(&[&put(&object)], &model, &["--labels", "all"])
-        .refused(3, &["a.nrrd", "labels are numbers from 1 to 65535"]);
+        .refused(3, &["a.nrrd", "labels are numbers from 1 to 65535", "--iso, --range or --preset"]);
     oct(&["build", &text(&input), "--labels", "all"]).refused(2, &["--output"]);
     oct(&["build", &text(&input), "--each", &text(folder.path())]).refused(2, &["--labels"]);
 }

@@ -264,6 +264,11 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     for (model, how, words) in [
         ("all.oct", &["--only", "8"][..], &["all.oct", "has no label 8", "oct info"][..]),
         ("all.oct", &["--hide", "7,liver"], &["has no label 'liver'"]),
+        (
+            "all.oct",
+            &["--only", "the bx"],
+            &["has no label 'the bx'", "did you mean 'The Box'?; oct info lists"],
+        ),
         ("all.oct", &["--opacity", "7=2"], &["'7=2'", "from 0 to 1"]),
         ("all.oct", &["--hide", "9..3"], &["'9..3'", "lower number first"]),
         ("s.toml", &["--only", "8"], &["s.toml", "has no label 8"]),

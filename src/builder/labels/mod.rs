@@ -31,6 +31,7 @@ use crate::format::{
 };
 use crate::geom::Dims;
 use crate::text::Short;
+use crate::text::names::{ISO, PRESET, RANGE};
 use crate::volume::{SourceError, StatedLabel, VolumeSource};
 
 use crate::fault::{Fault, bad, unfit, usage};
@@ -137,6 +138,12 @@ pub(super) fn label_solid<'a>(
     Ok(Box::new(solid))
 }
 
+fn not_label(value: f64, labels: &str) -> Fault {
+    bad!(
+        "holds the value {value}, and labels are {labels}; the surface of a scan is chosen by {ISO}, {RANGE} or {PRESET}"
+    )
+}
+
 /// A label and its number of voxels.
 type Count = (u16, u64);
 
@@ -165,12 +172,13 @@ impl LabelSolid<'_> {
     fn label_of(&self, sample: f64) -> Result<u16, SourceError> {
         let value = self.source.info().rescale.apply(sample);
         if value.fract() != 0.0 {
-            return Err(self.wrong(bad!("holds the value {value}, and labels are whole numbers")));
+            return Err(self.wrong(not_label(value, "whole numbers")));
         }
         let number = if (0.0..=65_535.0).contains(&value) { Some(value as u16) } else { None };
         match (self.choice, number) {
-            (LabelChoice::All, None) => Err(self
-                .wrong(bad!("holds the value {value}, and labels are numbers from 1 to 65535, 0 for none"))),
+            (LabelChoice::All, None) => {
+                Err(self.wrong(not_label(value, "numbers from 1 to 65535, 0 for none")))
+            }
             (choice, Some(number)) if choice.contains(number) => Ok(number),
             _ => Ok(0),
         }

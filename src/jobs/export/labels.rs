@@ -183,7 +183,7 @@ pub(super) fn wanted<D: AsRef<[u8]>>(
     if table.is_empty() && !rules.is_empty() {
         return Err(unlabelled(path));
     }
-    let parts = label_parts(rules, table).map_err(|label| no_label(label, path))?;
+    let parts = label_parts(rules, table).map_err(|pick| no_label(pick, table, path))?;
     let wanted: Vec<bool> = parts.into_iter().map(|part| part > 0.0).collect();
     if !rules.is_empty() && !wanted.contains(&true) {
         return Err(usage!("no label is left to write; name one that is not left out").at(path));

@@ -194,6 +194,12 @@ fn raw_files_that_lack_a_side_car_only_are_told_so_with_the_text_to_write() {
         fs::write(top.join(format!("stack/s{z:02}.raw")), vec![7; 32 * 32 * 2]).unwrap();
     }
     fs::write(top.join("notes.txt"), "nothing").unwrap();
+    let told = oct(&["scan", &text(&top)]).stdout;
+    assert!(
+        told.starts_with("0 volume(s) would be converted, 0 refused: no DICOM,")
+            && told.contains("oct help formats"),
+        "{told}"
+    );
     let listed = oct(&["scan", &text(&top), "--json"]).json();
     let left: Vec<&str> =
         listed["left_out"].as_array().unwrap().iter().map(|l| l["reason"].as_str().unwrap()).collect();
