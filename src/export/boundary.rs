@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 use std::io;
 
+use super::bodies::Bodies;
 use super::write::{Output, PartHead, Sink, Vertex};
 
 /// A file of triangles, and the boundary of its parts.
@@ -15,11 +16,17 @@ pub(super) struct Bounded {
     sum: u64,
     /// True until a part ends that is not closed.
     is_closed: bool,
+    bodies: Option<Bodies>,
 }
 
 impl Bounded {
     pub(super) fn new(to: Box<dyn Output>) -> Self {
-        Self { to, sum: 0, is_closed: true }
+        Self { to, sum: 0, is_closed: true, bodies: None }
+    }
+
+    /// Counts bodies as well.
+    pub(super) fn counting(self) -> Self {
+        Self { bodies: Some(Bodies::default()), ..self }
     }
 
     /// Begins a part.
@@ -29,9 +36,10 @@ impl Bounded {
     }
 
     /// Completes the file; true if all parts are closed: if each edge has as many triangles on one side as on the other.
-    pub(super) fn finish(self) -> io::Result<bool> {
+    /// And the number of bodies, if they were counted.
+    pub(super) fn finish(self) -> io::Result<(bool, Option<u64>)> {
         self.to.finish()?;
-        Ok(self.is_closed && self.sum == 0)
+        Ok((self.is_closed && self.sum == 0, self.bodies.map(Bodies::count)))
     }
 }
 
@@ -50,7 +58,13 @@ impl Sink for Bounded {
                 Ordering::Greater => self.sum.wrapping_sub(edge),
             };
         }
+        self.bodies.iter_mut().for_each(|bodies| bodies.add(corners, at));
         self.to.triangle(corners, at)
+    }
+
+    fn layer(&mut self, first: u32) -> io::Result<()> {
+        self.bodies.iter_mut().for_each(|bodies| bodies.layer(first));
+        self.to.layer(first)
     }
 }
 
@@ -93,7 +107,7 @@ mod tests {
                 sink.part(&PartHead::default()).unwrap();
                 faces.iter().for_each(|face| sink.triangle(*face, [[0.0; 3]; 3]).unwrap());
             }
-            sink.finish().unwrap()
+            sink.finish().unwrap().0
         };
         let inside_out = solid.map(|[a, b, c]| [a, c, b]);
         let turned = [solid[0], solid[1], solid[2], inside_out[3]];

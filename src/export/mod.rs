@@ -14,6 +14,7 @@
 //! |---|---|
 //! | `apart` | triangles in memory, on a second thread |
 //! | `bits` | slices of bits |
+//! | `bodies` | how many bodies triangles enclose |
 //! | `boundary` | whether triangles are closed |
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
@@ -29,6 +30,7 @@
 
 mod apart;
 mod bits;
+mod bodies;
 mod boundary;
 mod cases;
 mod decimate;
@@ -190,6 +192,8 @@ pub(crate) struct Exported {
     pub(crate) within_mm: Option<f64>,
     /// True where each edge has as many triangles one way as the other, in each part; of triangles.
     pub(crate) is_closed: Option<bool>,
+    /// Separate bodies of a closed surface without labels.
+    pub(crate) bodies: Option<u64>,
     /// Separate parts of the surface that were left out, where it was in memory.
     pub(crate) parts_gone: Option<u64>,
     /// Voxels set in a mask.
@@ -284,14 +288,15 @@ impl Exporter<'_> {
             if let Some(mask) = mask {
                 return self.mask(out, mask, bounds, fates, progress);
             }
-            let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?);
+            let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?).counting();
             let made = if self.is_fewer() {
                 self.whole(bounds, &mut sink, fates, progress)?
             } else {
                 self.feed(bounds, &mut sink, fates, progress)?
             };
             let Some(made) = made else { return Ok(None) };
-            Ok(Some(Exported { is_closed: Some(sink.finish()?), ..made }))
+            let (is_closed, bodies) = sink.finish()?;
+            Ok(Some(Exported { is_closed: Some(is_closed), bodies: bodies.filter(|_| is_closed), ..made }))
         })
     }
 

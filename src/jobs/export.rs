@@ -27,7 +27,9 @@ use crate::page::{self, Shown, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scene::LabelRule;
-use crate::text::names::{EACH, ERROR, FORM, LABELS, OUTPUT, SMOOTH, VIEW};
+use crate::text::names::{
+    COMPONENT_CONNECTIVITY, EACH, ERROR, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, VIEW,
+};
 use crate::text::{Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
@@ -90,6 +92,9 @@ pub struct ExportReport {
     /// For triangles, true where each edge has as many on one side as on the other, of labels in the surface of each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed: Option<bool>,
+    /// Separate bodies that a closed surface encloses; they are not counted for labels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub separate_bodies: Option<u64>,
     /// Separate parts of the surface, the smallest ones, that were left out to reach a number of triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts_gone: Option<u64>,
@@ -241,6 +246,7 @@ fn report(
         distance_mm: made.distance_mm,
         within_mm: made.within_mm,
         closed: made.is_closed,
+        separate_bodies: made.bodies,
         parts_gone: made.parts_gone,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
@@ -496,8 +502,21 @@ impl ExportReport {
             ),
         };
         let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
+        let bodies = match self.separate_bodies {
+            None => String::new(),
+            Some(1) => ", 1 body".to_owned(),
+            Some(count) => format!(", {count} bodies"),
+        };
         let bytes = Bytes(self.bytes);
-        let mut text = format!("{}: {what}{closed}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
+        let mut text =
+            format!("{}: {what}{closed}{bodies}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
+        if self.separate_bodies > Some(1) {
+            let fewer =
+                self.fine_triangles.map_or("", |_| "; thin bridges come apart where triangles are few");
+            text += &format!(
+                "  for one, build the volume with {KEEP_LARGEST} 1 {COMPONENT_CONNECTIVITY} 6{fewer}\n"
+            );
+        }
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
             let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));

@@ -40,6 +40,7 @@ names! {
     // Options: fields of the types of options, or values of such a field.
     ALL_VOLUMES = "all_volumes",
     CHANNELS = "channels",
+    COMPONENT_CONNECTIVITY = "ComponentConnectivity",
     DIMS = "dims",
     DOWNSAMPLE = "downsample",
     DROP_BELOW = "drop_below",
@@ -56,6 +57,7 @@ names! {
     GRID = "grid",
     INDEX = "index",
     ISO = "Threshold::Iso",
+    KEEP_LARGEST = "keep_largest",
     KEEP_NAMES = "keep_names",
     KEEP_THIN = "keep_thin",
     LABELS = "labels",

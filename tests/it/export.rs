@@ -58,8 +58,10 @@ impl Case {
     }
 
     fn mesh(&self) -> Mesh {
-        self.export("m.ply");
-        Mesh::read(&self.path("m.ply"))
+        let report = self.export("m.ply");
+        let mesh = Mesh::read(&self.path("m.ply"));
+        assert_eq!(report.separate_bodies, Some(mesh.bodies()));
+        mesh
     }
 
     /// The voxels that a mask has set.
@@ -145,13 +147,34 @@ impl Mesh {
     }
 
     fn volume(&self) -> f64 {
-        let part = |[a, b, c]: &[u32; 3]| {
-            let [p, q, r] = [a, b, c].map(|i| self.corners[*i as usize].map(f64::from));
-            p[0] * (q[1] * r[2] - q[2] * r[1])
-                + p[1] * (q[2] * r[0] - q[0] * r[2])
-                + p[2] * (q[0] * r[1] - q[1] * r[0])
-        };
-        self.triangles.iter().map(part).sum::<f64>() / 6.0
+        self.triangles.iter().map(|triangle| self.volume_under(triangle)).sum::<f64>() / 6.0
+    }
+
+    fn volume_under(&self, triangle: &[u32; 3]) -> f64 {
+        let [p, q, r] = triangle.map(|i| self.corners[i as usize].map(f64::from));
+        p[0] * (q[1] * r[2] - q[2] * r[1])
+            + p[1] * (q[2] * r[0] - q[0] * r[2])
+            + p[2] * (q[0] * r[1] - q[1] * r[0])
+    }
+
+    /// Sets of triangles with common corners that enclose something.
+    fn bodies(&self) -> u64 {
+        let mut around = vec![Vec::new(); self.corners.len()];
+        for triangle in &self.triangles {
+            triangle.iter().for_each(|corner| around[*corner as usize].push(triangle));
+        }
+        let (mut seen, mut bodies) = (HashSet::new(), 0);
+        for first in &self.triangles {
+            let (mut waiting, mut volume) = (vec![first], 0.0);
+            while let Some(triangle) = waiting.pop() {
+                if seen.insert(triangle) {
+                    volume += self.volume_under(triangle);
+                    waiting.extend(triangle.iter().flat_map(|corner| &around[*corner as usize]));
+                }
+            }
+            bodies += u64::from(volume > 0.0);
+        }
+        bodies
     }
 }
 

@@ -236,7 +236,7 @@ impl LabelMesh {
             exported.vertices += head.vertices;
             exported.triangles += head.triangles;
         }
-        Ok(Exported { is_closed: Some(sink.finish()?), ..exported })
+        Ok(Exported { is_closed: Some(sink.finish()?.0), ..exported })
     }
 
     /// Heads of consecutive parts of a file.
