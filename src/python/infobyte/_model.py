@@ -463,9 +463,9 @@ class Model:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
-        as `oct export --triangles`. `only`: numbers, ranges or names of labels; instead of the outside of all labels, the
-        closed surface of each of these in its colour, one after the other, with walls between neighbours. `progress` as that
-        of `build`.
+        as `oct export --triangles`, but no fewer than the 4 of a closed body. `only`: numbers, ranges or names of labels;
+        instead of the outside of all labels, the closed surface of each of these in its colour, one after the other, with
+        walls between neighbours. `progress` as that of `build`.
 
         Raises `UsageError` for a model that keeps only what can be seen, and for `triangles` of several labels.
         """
@@ -476,13 +476,17 @@ class Model:
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
         return Mesh(three["vertices"], three["faces"], *optional)
 
-    def to_trimesh(self, *, progress: Progress = False) -> Any:
+    def to_trimesh(
+        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+    ) -> Any:
         """`to_mesh` as a `trimesh.Trimesh`, in LPS mm."""
-        return self.to_mesh(progress=progress).to_trimesh()
+        return self.to_mesh(triangles=triangles, only=only, progress=progress).to_trimesh()
 
-    def to_pyvista(self, *, progress: Progress = False) -> Any:
+    def to_pyvista(
+        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+    ) -> Any:
         """`to_mesh` as a `pyvista.PolyData`, in LPS mm."""
-        return self.to_mesh(progress=progress).to_pyvista()
+        return self.to_mesh(triangles=triangles, only=only, progress=progress).to_pyvista()
 
     def voxels(self) -> NDArray[np.uint32]:
         """N x 3: indices (z, y, x) of the voxels or cells of the surface; `array[tuple(model.voxels().T)]` are the samples

@@ -150,12 +150,15 @@ def _pyvista_grid(grid: Any) -> Placed:
     return Placed(samples, _affine(direction, grid.spacing, origin))
 
 
+def refuse_flat(dimensions: int, axes: str) -> None:
+    if dimensions != 3:
+        slice_of = "array[None]" if axes == "zyx" else "array[..., None]"
+        raise UsageError(f"an array of {dimensions} dimensions is not a volume; it needs three, a single slice as {slice_of}")
+
+
 def three_axes(samples: Any, axes: str) -> Any:
     """An array with the axes z, y, x, without a copy."""
-    if samples.ndim == 2:
-        samples = samples[None] if axes == "zyx" else samples[..., None]
-    if samples.ndim != 3:
-        raise UsageError(f"an array of {samples.ndim} dimensions is not a volume; it needs three, or two of a single slice")
+    refuse_flat(samples.ndim, axes)
     return samples.transpose(2, 1, 0) if axes == "xyz" else samples
 
 
@@ -239,11 +242,7 @@ def mapped_file(array: np.ndarray) -> tuple[str, int] | None:
 def slabs(source: Any, axes: str, most_bytes: int) -> tuple[tuple[int, int, int], np.dtype, Iterator[np.ndarray]]:
     """Shape, type and slabs from front to back of what has `shape`, `dtype` and slices, such as a dask array."""
     shape = tuple(int(side) for side in source.shape)
-    if len(shape) == 2:
-        shape = (1, *shape) if axes == "zyx" else (*shape, 1)
-        return slabs_of([filled(source[...])], shape, filled_type(source), axes)
-    if len(shape) != 3:
-        raise UsageError(f"an array of {len(shape)} dimensions is not a volume; it needs three")
+    refuse_flat(len(shape), axes)
     dtype = filled_type(source)
     along = 0 if axes == "zyx" else 2
     chunk = getattr(source, "chunks", None) or (1, 1, 1)

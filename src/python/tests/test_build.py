@@ -277,7 +277,7 @@ def test_errors(bumps, tmp_path):
         with pytest.raises(kind, match=sentence) as caught:
             built(bumps, **options)
         assert isinstance(caught.value, infobyte.InfobyteError) and isinstance(caught.value, ValueError)
-    for source, sentence in [(np.zeros((2, 2, 2, 2)), "4 dimensions"), (np.zeros((0, 2, 2)), "empty"), (5, "not a source"), ([], "no slices")]:
+    for source, sentence in [(np.zeros((2, 2, 2, 2)), "4 dimensions"), (np.zeros((8, 8)), "2 dimensions is not a volume; .* a single slice as array"), (np.zeros((0, 2, 2)), "empty"), (5, "not a source"), ([], "no slices")]:
         with pytest.raises(infobyte.UsageError, match=sentence):
             built(source)
     assert os.listdir() == []

@@ -132,6 +132,7 @@ def test_pyvista(bumps):
     mesh = model.to_pyvista()
     assert mesh.n_points == len(model.to_mesh().vertices) and mesh.is_manifold and "Normals" in mesh.point_data
     assert mesh.active_scalars_name is None and mesh.active_normals is not None
+    assert model.to_pyvista(triangles=100).n_cells == 100
     again = infobyte.build(mesh, "d.oct", voxel=1, progress=False)
     assert abs(len(again.voxels()) / len(built(bumps, "e.oct")) - 1) < 0.1
     assert mesh.volume == pytest.approx((bumps >= 500).sum(), rel=0.05)
@@ -143,6 +144,8 @@ def test_trimesh(model):
     assert mesh.is_watertight and mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 10**3, rel=0.005)
     assert np.allclose(mesh.vertex_normals, model.to_mesh().vertex_normals)
+    few = model.to_trimesh(triangles=100)
+    assert few.is_watertight and len(few.faces) == 100
     box = trimesh.creation.box((4, 6, 8))
     solid = infobyte.build(box, "box.oct", voxel=0.5, progress=False)
     assert solid.info["spacing_mm"] == [0.5] * 3
