@@ -206,10 +206,12 @@ function listParts() {
     });
     $('find').hidden = view.labels.length <= 12;
     view.labels.forEach((part, i) => {
-        const row = made('li'), label = made('label'), eye = made('input'), swatch = made('i'), name = made('span', nameOf(part));
+        const row = made('li'), label = made('label'), eye = made('input'), swatch = made('i'), name = made('span');
         eye.type = 'checkbox';
         swatch.style.background = `rgb(${part.color.map(Number)})`;
         name.dir = 'auto';
+        // Long names break after underscores.
+        name.append(...nameOf(part).match(/[^_]+_*|_+/g).flatMap(piece => [piece, made('wbr')]));
         label.title = `label ${part.number}`;
         label.append(eye, swatch, name, made('small', `${+(part.voxels * ml).toPrecision(3)} ml`));
         row.append(label);
