@@ -200,38 +200,37 @@ function listParts() {
         if ($('named').value) view.named($('named').value, aspect());
     };
     beside();
-    $('parts').addEventListener('toggle', () => {
+    $('parts').ontoggle = () => {
         beside();
         redraw();
-    });
+    };
     $('find').hidden = view.labels.length <= 12;
     view.labels.forEach((part, i) => {
         const row = made('li'), label = made('label'), eye = made('input'), swatch = made('i'), name = made('span');
         eye.type = 'checkbox';
         swatch.style.background = `rgb(${part.color.map(Number)})`;
         name.dir = 'auto';
-        // Long names break after underscores.
         name.append(...nameOf(part).match(/[^_]+_*|_+/g).flatMap(piece => [piece, made('wbr')]));
         label.title = `label ${part.number}`;
         label.append(eye, swatch, name, made('small', `${+(part.voxels * ml).toPrecision(3)} ml`));
         row.append(label);
         list.append(row);
-        eye.addEventListener('change', () => {
+        eye.onchange = () => {
             view.hidden[i + 1] = eye.checked ? 0 : 1;
             changed($('named').value);
-        });
+        };
     });
-    $('find').addEventListener('input', () => {
+    $('find').oninput = () => {
         const text = $('find').value.trim().toLowerCase();
         rows().forEach((row, i) => { row.hidden = !`${nameOf(view.labels[i])} ${view.labels[i].number}`.toLowerCase().includes(text); });
-    });
+    };
     // Those that are listed.
     const all = hide => () => {
         rows().forEach((row, i) => { if (!row.hidden) view.hidden[i + 1] = hide; });
         changed($('named').value);
     };
-    $('all').addEventListener('click', all(0));
-    $('none').addEventListener('click', all(1));
+    $('all').onclick = all(0);
+    $('none').onclick = all(1);
 }
 
 /** Puts the view's state into the tools. */

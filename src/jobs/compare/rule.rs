@@ -5,6 +5,9 @@ use crate::load::{Model, ModelView};
 use crate::measure::nearest::{Found, Query, Search, Surface};
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
+/// Area below which a plane meets its cell in a corner or an edge only, as a part of the finest spacing's square.
+const SLIVER: f64 = 1e-9;
+
 /// How deviations are measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rule {
@@ -22,6 +25,7 @@ pub(super) struct Row {
     pub(super) cell: [u32; 3],
     /// Its place, in the mm of the other model.
     pub(super) at_mm: [f64; 3],
+    /// 0 in a corner or an edge.
     pub(super) area_mm2: f64,
     /// True at the border of the volume, where the surface may be a cap of the build.
     pub(super) is_border: bool,
@@ -96,7 +100,8 @@ impl Measured<'_> {
         let at_mm = placement.apply(space.to_world(sample.point));
         let normal = placement.apply_vector(space.direction_to_world(sample.normal));
         let is_border = self.surface.touches_border(cell);
-        (Row { number, cell, at_mm, area_mm2: sample.area, is_border, ..Row::default() }, normal)
+        let area_mm2 = if sample.area < SLIVER * space.finest.powi(2) { 0.0 } else { sample.area };
+        (Row { number, cell, at_mm, area_mm2, is_border, ..Row::default() }, normal)
     }
 }
 

@@ -41,9 +41,6 @@ use crate::text::names::SURFACE;
 /// A distance below this many voxels is 0: there the side is rounding.
 pub(crate) const ON: f64 = 1e-9;
 
-/// Area below which a plane meets its box in a corner or an edge only, as a part of the finest spacing's square.
-const SLIVER: f64 = 1e-9;
-
 /// A box of the octree: number, lowest cell, and base-2 logarithm of its edge in cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
@@ -132,8 +129,7 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all,
-    /// which is 0 in a corner or an edge.
+    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all.
     pub(crate) fn sample(&self, place: Place) -> Sample {
         let (mut sample, mut largest) = (Sample::default(), -1.0);
         self.facets(place, |_, facet| {
@@ -143,9 +139,6 @@ impl<'a> Surface<'a> {
                 (largest, sample.point, sample.normal) = (area, point, facet.normal);
             }
         });
-        if sample.area < SLIVER * self.space.finest.powi(2) {
-            sample.area = 0.0;
-        }
         sample
     }
 
