@@ -25,7 +25,7 @@ pub(super) struct Row {
     pub(super) cell: [u32; 3],
     /// Its place, in the mm of the other model.
     pub(super) at_mm: [f64; 3],
-    /// 0 in a corner or an edge.
+    /// Area of its surface; 0 where that is a corner or an edge of the cell only.
     pub(super) area_mm2: f64,
     /// True at the border of the volume, where the surface may be a cap of the build.
     pub(super) is_border: bool,
