@@ -170,11 +170,7 @@ fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none(
     assert!(bound == 0.1 && rms > 0.001 && rms < p99 && p99 <= most && most <= 0.151, "{shown}");
     assert_eq!((&shown["format_version"], &shown["not_measured"]), (&"1.0".into(), &serde_json::Value::Null));
     let run = oct(&["info", &text(&at("m"))]);
-    assert!(
-        run.stdout.contains("larger leaves") && run.stdout.contains("within 0.1 voxel"),
-        "{}",
-        run.stdout
-    );
+    assert!(run.stdout.contains("larger leaves") && run.stdout.contains("within 0.1 mm"), "{}", run.stdout);
     if cfg!(unix) {
         let read = Command::new("python3").arg("scripts/read_oct.py").arg(at("m")).output().unwrap();
         assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
