@@ -79,7 +79,7 @@ def test_axes_and_spacing(bumps):
     assert content(turned.path) == content(model.path)
     by_matrix = built(bumps, "d.oct", affine=model.affine)
     assert content(by_matrix.path) == content(model.path)
-    assert built(bumps[12], "e.oct").shape == (1, 41, 53)
+    assert built(bumps[12][None], "e.oct").shape == (1, 41, 53)
 
 
 def test_thresholds(bumps):
