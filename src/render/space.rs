@@ -24,6 +24,9 @@ const CELLS_A_LOOK: u32 = 64;
 /// The lowest cell along each axis, and the end.
 pub(crate) type Bounds = [[u32; 3]; 2];
 
+/// Greatest value within a cell, by its number and its lowest corner.
+type Reach<'r> = dyn Fn(&Way<'_>, u64, [u32; 3]) -> f64 + 'r;
+
 /// A model's place in the world.
 #[derive(Clone, Debug)]
 pub struct GridSpace {
@@ -246,7 +249,7 @@ impl GridSpace {
         view: &ModelView<'_>,
         (weight, constant): ([f64; 3], f64),
         (bounds, finest): (Bounds, u32),
-        reach: Option<&dyn Fn(&Way<'_>, u64, [u32; 3]) -> f64>,
+        reach: Option<&Reach<'_>>,
     ) -> f64 {
         let depth = self.dims.depth();
         if view.is_empty() || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
