@@ -414,7 +414,7 @@ pub(super) fn no_label<'t>(
         _ => None,
     };
     let meant = near.map_or_else(String::new, |name| format!("; did you mean '{}'?", shown(name)));
-    usage!("has no label {pick}{meant}; {INFO} lists those of a model").at(path)
+    usage!("has no label {pick}{meant}; {INFO} lists the labels of a model").at(path)
 }
 
 /// The light that the labels of a model stop; `None` for one without labels.

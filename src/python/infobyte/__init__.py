@@ -58,7 +58,7 @@ def open(path: Path, *, mmap: bool = True) -> Model:
 
 
 def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
-    """Writes a model in its smallest form, for archives; the keys of `oct pack`. `progress` as that of `build`.
+    """Writes a model in its smallest form, for archives; the keys of `oct pack`. `progress` as in `build`.
 
     >>> report = infobyte.pack('ball.oct', 'small.oct')
     >>> report['bytes'] < report['bytes_in']

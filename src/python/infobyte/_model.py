@@ -273,7 +273,7 @@ class Model:
         float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, -1 in larger leaves and where nothing is hit. They are of
         exact voxels of the whole model through the middle of each pixel, whatever `lod`, `clip` and the labels say.
 
-        `progress` as that of `build`. Ctrl-C stops a picture, as it stops rays, builds, exports and measurements.
+        `progress` as in `build`. Ctrl-C stops a picture, as it stops rays, builds, exports and measurements.
 
         Raises `UsageError` for a camera that makes no sense, a plane that misses the model, a legend of a model without
         labels, or layers with a title, a legend or a section; `InputError` if the file was changed.
@@ -465,7 +465,7 @@ class Model:
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
         as `oct export --triangles`, but no fewer than the 4 of a closed body. `only`: numbers, ranges or names of labels;
         instead of the outside of all labels, the closed surface of each of these in its colour, one after the other, with
-        walls between neighbours. `progress` as that of `build`.
+        walls between neighbours. `progress` as in `build`.
 
         Raises `UsageError` for a model that keeps only what can be seen, and for `triangles` of several labels.
         """
@@ -539,7 +539,7 @@ class Model:
         `error`: leaves out corners of triangles while the surface stays so close to the full one, in voxels (`0.1`) or as
         `'0.05mm'`; `triangles`: makes at most so many, with `error` whichever comes first. Of a model of labels
         triangles have a part for each label, or for those in `only`, by number, range or name; `smooth` as `oct export
-        --smooth`. `progress` as that of `build`.
+        --smooth`. `progress` as in `build`.
         """
         _refuse_no_triangles(triangles)
         within = None if error is None else str(error)
