@@ -44,7 +44,7 @@ use infobyte::jobs::view::ViewRequest;
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::scene::LabelRule;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
-use infobyte::text::{self, data, plain, shown};
+use infobyte::text::{self, Count, data, plain, shown};
 use infobyte::volume::Placement;
 use infobyte::{CleanOptions, Error, ErrorReport, ExitKind, Progress};
 use serde::Serialize;
@@ -317,7 +317,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             report.wall_s,
             Bytes(report.peak_rss_bytes),
             Bytes(report.memory_budget_bytes),
-            report.holds.models,
+            Count(report.holds.models, "model"),
             Bytes(report.holds.bytes)
         ))?
     };
@@ -364,7 +364,8 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         report => report?,
     };
     let text = || {
-        let mut text = format!("{} volume(s) would be converted, {} refused", report.usable, report.refused);
+        let mut text =
+            format!("{} would be converted, {} refused", Count(report.usable, "volume"), report.refused);
         if report.copies > 0 {
             text += &format!(", {} skipped as copies", report.copies);
         }

@@ -7,7 +7,7 @@ use infobyte::Error;
 use infobyte::jobs::picture::PictureReport;
 use infobyte::jobs::render::RenderReport;
 use infobyte::jobs::scene::is_scene;
-use infobyte::text::shown;
+use infobyte::text::{Count, shown};
 
 use crate::print;
 
@@ -28,7 +28,7 @@ pub(crate) fn print_picture(
         let p = &report.picture;
         let mut text = format!("{}: {}x{}, ", shown(output), p.width, p.height);
         if is_scene(input) {
-            text += &format!("{} model(s) in {} file(s), ", p.models, p.files);
+            text += &format!("{} in {}, ", Count(p.models, "model"), Count(p.files, "file"));
         }
         text += &format!("{} rays, {} hits", p.rays, p.hits);
         if p.shadow_rays + p.mirrored_rays + p.refracted_rays > 0 {

@@ -20,7 +20,7 @@ use crate::fault::usage;
 use crate::format::SurfaceKind;
 use crate::source::Subject;
 use crate::synthetic::SyntheticHead;
-use crate::text::{data, shown};
+use crate::text::{Count, data, shown};
 use crate::volume::{Endian, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.
@@ -170,7 +170,11 @@ impl DemoSummary {
             ),
             (
                 "build",
-                format!("{:.2} s, making the volume included, {} threads", self.built.wall_s, r.threads),
+                format!(
+                    "{:.2} s, making the volume included, {}",
+                    self.built.wall_s,
+                    Count(r.threads, "thread")
+                ),
             ),
             ("verify", format!("{:.2} s, every invariant holds", self.verify_s)),
             ("picture", format!("{} in {:.3} s", shown(&self.files.picture), self.render_s)),

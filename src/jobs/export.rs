@@ -30,7 +30,7 @@ use crate::scene::LabelRule;
 use crate::text::names::{
     COMPONENT_CONNECTIVITY, EACH, ERROR, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, VIEW,
 };
-use crate::text::{Short, data, shown};
+use crate::text::{Count, Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
 
@@ -487,26 +487,19 @@ impl ExportReport {
         let what = match self.form {
             ExportForm::Html => "a page with the model".to_owned(),
             ExportForm::Linked => "a page that fetches the model from its web server".to_owned(),
-            ExportForm::Points => format!("{} points", self.vertices),
+            ExportForm::Points => Count(self.vertices, "point").to_string(),
             ExportForm::Nrrd | ExportForm::Nifti | ExportForm::NiftiGz => {
-                format!("{} voxels inside", self.inside_voxels)
+                format!("{} inside", Count(self.inside_voxels, "voxel"))
             }
-            _ if self.surfaces.is_empty() => {
-                format!("{} triangles, {} corners", self.triangles, self.vertices)
+            _ => {
+                let labels = Some(self.surfaces.len()).filter(|count| *count > 0);
+                let labels = labels.map(|count| format!("{}, ", Count(count, "label"))).unwrap_or_default();
+                format!("{labels}{} triangles, {} corners", self.triangles, self.vertices)
             }
-            _ => format!(
-                "{} labels, {} triangles, {} corners",
-                self.surfaces.len(),
-                self.triangles,
-                self.vertices
-            ),
         };
         let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
-        let bodies = match self.separate_bodies {
-            None => String::new(),
-            Some(1) => ", 1 body".to_owned(),
-            Some(count) => format!(", {count} bodies"),
-        };
+        let bodies =
+            self.separate_bodies.map_or_else(String::new, |count| format!(", {}", Count(count, "body")));
         let bytes = Bytes(self.bytes);
         let mut text =
             format!("{}: {what}{closed}{bodies}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);

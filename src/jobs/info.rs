@@ -21,7 +21,7 @@ use crate::load::{Frame, LoadError, LoadFault, Model};
 use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
 use crate::text::names::{MEASURE, VERIFY};
-use crate::text::{Short, WithError, data, shown};
+use crate::text::{Count, Short, WithError, data, shown};
 use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
@@ -191,8 +191,7 @@ impl Info {
         let format = if has_values(m) { format!("{} ", shown(&m.source.format)) } else { String::new() };
         let files = match m.source.files {
             0 => String::new(),
-            1 => "1 file, ".to_owned(),
-            files => format!("{files} files, "),
+            files => format!("{}, ", Count(files, "file")),
         };
         let scalar = if has_values(m) { dtype(frame) } else { "without values" };
         row("source", format!("{format}{} ({files}{scalar})", shown(&m.source.kind)));
@@ -238,16 +237,15 @@ fn what_it_is(frame: &Frame) -> String {
     let count = frame.header.voxels;
     let mut text = match frame.surface() {
         SurfaceKind::Skin => {
-            format!("{count} skin voxels, {}-connected", frame.metadata.connectivity)
+            format!("{}, {}-connected", Count(count, "skin voxel"), frame.metadata.connectivity)
         }
-        SurfaceKind::Cells => format!("{count} cells between samples"),
+        SurfaceKind::Cells => format!("{} between samples", Count(count, "cell")),
     };
     if frame.header.leaves {
-        let _ = write!(text, ", {} larger leaves", leaves(frame));
+        let _ = write!(text, ", {}", Count(leaves(frame), "larger leaf"));
     }
     if !frame.labels.is_empty() {
-        let labels = frame.labels.len();
-        let _ = write!(text, ", {labels} label{}", if labels == 1 { "" } else { "s" });
+        let _ = write!(text, ", {}", Count(frame.labels.len(), "label"));
     }
     text
 }
@@ -263,7 +261,7 @@ fn label_row(label: &LabelFigures) -> (String, String) {
     let volume = label
         .volume_error_mm3
         .map_or_else(|| Short(value).to_string(), |error| WithError { value, error }.to_string());
-    let text = format!("{name}{}, {} voxels, {volume} mm³{area}", label.color, label.voxels);
+    let text = format!("{name}{}, {}, {volume} mm³{area}", label.color, Count(label.voxels, "voxel"));
     (format!("label {}", label.number), text)
 }
 

@@ -28,7 +28,7 @@ use crate::measure::nearest::Surface;
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::names::SURFACE;
-use crate::text::{Short, data, shown};
+use crate::text::{Count, Short, data, shown};
 
 use components::{Component, Components, Side, Sought};
 use gap::{LEFT_OUT, Notes};
@@ -440,13 +440,14 @@ impl PoresReport {
     fn head(&self) -> String {
         let input = shown(&self.input);
         let solid = Short(self.solid_volume_mm3);
-        let small = |whats: &str| match (self.below_resolution, self.below_least) {
-            (0, 0) => String::new(),
-            (below, 0) => format!("  {below} {whats} smaller than three voxels\n"),
-            (below, left) => {
-                format!(
-                    "  {below} {whats} smaller than three voxels; {left} of fewer samples were left out\n"
-                )
+        let small = |what| {
+            let below = Count(self.below_resolution, what);
+            match (self.below_resolution, self.below_least) {
+                (0, 0) => String::new(),
+                (_, 0) => format!("  {below} smaller than three voxels\n"),
+                (_, left) => {
+                    format!("  {below} smaller than three voxels; {left} of fewer samples were left out\n")
+                }
             }
         };
         match (self.pores, self.porosity, self.pore_volume_mm3) {
@@ -454,13 +455,14 @@ impl PoresReport {
                 let percent = Short(100.0 * porosity.unwrap_or(0.0));
                 let volume = Short(volume);
                 format!(
-                    "{input}: {pores} pore(s), {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
-                    small("pore(s)")
+                    "{input}: {}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
+                    Count(pores, "pore"),
+                    small("pore")
                 )
             }
             _ => {
-                let bodies = self.bodies.unwrap_or(0);
-                format!("{input}: {bodies} body(s), {solid} mm3\n{}", small("body(s)"))
+                let bodies = Count(self.bodies.unwrap_or(0), "body");
+                format!("{input}: {bodies}, {solid} mm3\n{}", small("body"))
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::format::{Encoding, SurfaceKind};
 use crate::load::{self, FileIdentity, Frame, LoadError, LoadFault};
 use crate::platform::PositionalFile;
-use crate::text::{data, shown};
+use crate::text::{Count, data, shown};
 
 /// A file that passed.
 #[derive(Clone, Debug, Serialize)]
@@ -94,11 +94,11 @@ impl VerifyReport {
     /// Report in one sentence.
     pub fn text(&self) -> String {
         format!(
-            "{}: sound ({} {}, {} nodes, {})\n",
+            "{}: sound ({} {}, {}, {})\n",
             shown(&self.input),
             self.skin_voxels,
             super::info::boxes(self.surface),
-            self.nodes,
+            Count(self.nodes, "node"),
             self.encoding.name()
         )
     }

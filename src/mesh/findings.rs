@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::text::shown;
+use crate::text::{Count, shown};
 
 /// Kind of boundary of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,7 +76,7 @@ impl fmt::Display for MeshFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { triangles, flat, files, parts, boundary, fill, asked_for, keep_thin, voxel_mm, origin_mm } =
             self;
-        write!(f, "{triangles} triangles")?;
+        write!(f, "{}", Count(*triangles, "triangle"))?;
         if *files > 1 {
             write!(f, " of {files} files")?;
         }

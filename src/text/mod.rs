@@ -28,6 +28,7 @@ pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};
 pub use nearest::nearest;
+pub use number::Count;
 pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};
 

@@ -44,6 +44,25 @@ impl fmt::Display for WithError {
     }
 }
 
+/// A count and its noun, which has its plural unless the count is 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Count<N>(
+    /// The count.
+    pub N,
+    /// The noun's singular.
+    pub &'static str,
+);
+
+impl<N: fmt::Display + PartialEq + From<u8>> fmt::Display for Count<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(count, noun) = self;
+        let ends = [("y", "ies"), ("f", "ves"), ("", "s")];
+        let plural = ends.iter().find_map(|(end, ends)| Some((noun.strip_suffix(end)?, *ends)));
+        let (stem, end) = plural.filter(|_| *count != N::from(1)).unwrap_or((noun, ""));
+        write!(f, "{count} {stem}{end}")
+    }
+}
+
 /// Power of ten of the first digit.
 fn power(value: f64) -> i32 {
     let text = format!("{value:e}");
@@ -86,5 +105,16 @@ mod tests {
         assert_eq!(both(14_137.166, 1234.5), "14100 ± 1200");
         assert_eq!(both(0.012_346, 0.000_67), "0.01235 ± 0.00067");
         assert_eq!(both(5.0, 0.0), "5");
+        let counts = [
+            Count(0, "pore"),
+            Count(1, "label"),
+            Count(2, "larger leaf"),
+            Count(1, "body"),
+            Count(3, "body"),
+        ];
+        assert_eq!(
+            counts.map(|count| count.to_string()),
+            ["0 pores", "1 label", "2 larger leaves", "1 body", "3 bodies"]
+        );
     }
 }

@@ -526,7 +526,7 @@ fn chosen_labels_are_as_among_all() {
     assert!(!Path::new("x.stl").exists() && !Path::new("x").exists());
     let each = text(&folder.path().join("each"));
     let run = oct(&["export", &m, "--each", &each, "--hide", "2", "--only", "2,9", "--triangles", "40"]);
-    assert!(run.stdout.contains("1 labels, ") && run.stdout.contains("fine triangles"), "{}", run.stderr);
+    assert!(run.stdout.contains("1 label, ") && run.stdout.contains("fine triangles"), "{}", run.stderr);
     assert_eq!(fs::read_dir(&each).unwrap().count(), 1);
 }
 

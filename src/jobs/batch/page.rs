@@ -17,7 +17,7 @@ use crate::format::SurfaceKind;
 use crate::jobs::info::boxes;
 use crate::platform::PositionalFile;
 use crate::source::BurnedIn;
-use crate::text::{self, html};
+use crate::text::{self, Count, html};
 
 /// Most thumbnails that are embedded in the page; larger batches refer to the files beside it, or the page would be too
 /// large to open.
@@ -80,26 +80,26 @@ pub(super) fn write(
     w.write_all(HEAD.as_bytes())?;
     write!(
         w,
-        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
-         &middot; {:.1} s with {} job(s) &middot; peak memory of the whole process {} of {} allowed</p>\n\
-         <p class=\"sum\">The folder holds {} model(s), {}, with {} thumbnail(s). On a web server pictures lead to models that turn; \
+        "<header><h1>Contact sheet</h1><p class=\"sum\">{}: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
+         &middot; {:.1} s with {} &middot; peak memory of the whole process {} of {} allowed</p>\n\
+         <p class=\"sum\">The folder holds {}, {}, with {}. On a web server pictures lead to models that turn; \
          without one, <code>oct view</code> of this folder shows them.</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
          aria-label=\"Filter\"><select id=\"s\" aria-label=\"Order\"><option value=\"\">as found\
          <option>name<option>kind<option value=\"size\">largest first</select><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n\
          <p class=\"in\" id=\"none\" hidden>0 of {} found. Names of files and folders are left out of this page for privacy; \
          report.csv has them.</p>\n",
-        c.converted + c.skipped + c.failed,
+        Count(c.converted + c.skipped + c.failed, "volume"),
         c.converted,
         c.skipped,
         c.failed,
         report.wall_s,
-        report.jobs,
+        Count(report.jobs, "job"),
         Bytes(report.peak_rss_bytes),
         Bytes(report.memory_budget_bytes),
-        report.holds.models,
+        Count(report.holds.models, "model"),
         Bytes(report.holds.bytes),
-        report.holds.thumbnails,
+        Count(report.holds.thumbnails, "thumbnail"),
         c.converted + c.skipped + c.failed
     )?;
     for warning in &report.warnings {
@@ -186,12 +186,12 @@ fn why(cause: &Cause) -> String {
 fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Result<()> {
     write!(
         w,
-        "<article class=\"{}\"><div class=\"text\"><h3>{}</h3><p class=\"in\">{}, {}, {} file(s), {}</p>",
+        "<article class=\"{}\"><div class=\"text\"><h3>{}</h3><p class=\"in\">{}, {}, {}, {}</p>",
         status(item.status),
         html(&item.name),
         kind(item, report),
         html(&item.format),
-        item.files,
+        Count(item.files, "file"),
         Bytes(item.input_bytes)
     )?;
     let why = item.cause.as_ref().map(why).unwrap_or_default();
@@ -234,7 +234,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
     )?;
     w.write_all(b"<dl>")?;
     let mut row = |name: &str, value: String| write!(w, "<dt>{name}</dt><dd>{}</dd>", html(&value));
-    row("source", format!("{}, {} file(s), {}", item.format, item.files, Bytes(item.input_bytes)))?;
+    row("source", format!("{}, {}, {}", item.format, Count(item.files, "file"), Bytes(item.input_bytes)))?;
     if let Some(m) = &item.model {
         let [x, y, z] = m.dims;
         let [a, b, c] = m.spacing_mm.map(short);
@@ -262,7 +262,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
     }
     w.write_all(b"</dl>")?;
     if !item.warnings.is_empty() {
-        write!(w, "<ul><li>{} note(s) in the report</li></ul>", item.warnings.len())?;
+        write!(w, "<ul><li>{} in the report</li></ul>", Count(item.warnings.len(), "note"))?;
     }
     w.write_all(b"</div></article>\n")
 }

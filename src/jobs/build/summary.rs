@@ -9,7 +9,7 @@ use crate::clean::CleanReport;
 use crate::format::SurfaceKind;
 use crate::jobs::info::{self, Info};
 use crate::text::names::MEMORY;
-use crate::text::{Short, shown};
+use crate::text::{Count, Short, shown};
 
 /// Input, output, figures and warnings of a build.
 #[derive(Clone, Debug)]
@@ -52,22 +52,21 @@ impl BuildSummary {
         let per_voxel = r.file_bytes as f64 / info::surface_boxes(&self.info.frame).max(1) as f64;
         let one = info::one_of(&self.info.frame);
         let kept = match self.info.frame.surface() {
-            SurfaceKind::Skin if r.skin_voxels == 1 => "skin voxel",
-            SurfaceKind::Skin => "skin voxels",
-            SurfaceKind::Cells if r.skin_voxels == 1 => "cell",
-            SurfaceKind::Cells => "cells",
+            SurfaceKind::Skin => "skin voxel",
+            SurfaceKind::Cells => "cell",
         };
         let leaves = info::leaves(&self.info.frame);
-        let larger = if leaves > 0 { format!(" and {leaves} larger leaves") } else { String::new() };
+        let larger =
+            if leaves > 0 { format!(" and {}", Count(leaves, "larger leaf")) } else { String::new() };
         let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} {kept}{larger} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
+            "{}: {}{larger} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {}\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
             shown(&self.output),
-            r.skin_voxels,
+            Count(r.skin_voxels, kept),
             Bytes(r.file_bytes),
-            r.nodes,
+            Count(r.nodes, "node"),
             self.wall_s,
-            if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) },
+            Count(r.threads, "thread"),
             Bytes(peak_rss_bytes()),
             Bytes(self.memory_bytes),
         );
@@ -81,14 +80,19 @@ impl BuildSummary {
         }
         if let Some(hidden) = r.hidden {
             text.push_str(&format!(
-                "  left out: {hidden} {kept} that cannot be seen from there, about {}\n",
+                "  left out: {} that cannot be seen from there, about {}\n",
+                Count(hidden, kept),
                 Bytes(r.bytes_saved_about())
             ));
         }
         if let Some((operations, report)) = &self.cleaning {
             text.push_str(&format!("  cleaned: {}", operations.join(", ")));
             if let Some(r) = report {
-                text.push_str(&format!("; {} voxels added, {} removed", r.voxels_added, r.voxels_removed));
+                text.push_str(&format!(
+                    "; {} added, {} removed",
+                    Count(r.voxels_added, "voxel"),
+                    r.voxels_removed
+                ));
                 if r.components > 0 {
                     text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
                 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Distribution, PlaceOut};
 use crate::geom::Affine;
-use crate::text::{Short, shown};
+use crate::text::{Count, Short, shown};
 
 /// Deviations of one model from another. Lengths are in mm, areas in mm2, places in the nominal's millimetres (LPS).
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -258,18 +258,18 @@ impl CompareReport {
     pub fn text(&self) -> String {
         let [actual, nominal] = &self.inputs;
         let mut text = format!(
-            "{} against {}: {} cells, counterparts within {} mm\n",
+            "{} against {}: {}, counterparts within {} mm\n",
             shown(actual),
             shown(nominal),
-            self.cells,
+            Count(self.cells, "cell"),
             Short(self.radius_mm)
         );
         if let Some(rms) = self.placement.rms_after {
             let (before, after) = (Short(self.placement.rms_before.unwrap_or(0.0)), Short(rms));
             let _ = writeln!(
                 text,
-                "  fit: {} round(s), {before} mm before, {after} mm after (RMS)",
-                self.placement.rounds
+                "  fit: {}, {before} mm before, {after} mm after (RMS)",
+                Count(self.placement.rounds, "round")
             );
         }
         for free in &self.placement.free {

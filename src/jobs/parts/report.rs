@@ -10,7 +10,7 @@ use super::{Plan, Stage};
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::parts::Joined;
 use crate::format::SurfaceKind;
-use crate::text::{Short, data, shown};
+use crate::text::{Count, Short, data, shown};
 
 /// A plan that was written.
 #[derive(Clone, Debug, Serialize)]
@@ -44,9 +44,9 @@ impl PlanReport {
             String::new()
         };
         let mut text = format!(
-            "{}: {} parts, numbered from 0{empty}, of a grid of {x}x{y}x{z}",
+            "{}: {}, numbered from 0{empty}, of a grid of {x}x{y}x{z}",
             shown(&self.plan),
-            self.parts,
+            Count(self.parts, "part"),
         );
         if self.part_bytes > 0 {
             let _ = write!(text, "; a part reads up to {}", Bytes(self.part_bytes));
@@ -162,12 +162,12 @@ pub struct StageReport {
 impl StageReport {
     /// Report for people.
     pub fn text(&self) -> String {
-        let mut text = format!("{}: {} of {} parts", shown(&self.output), self.stage, self.parts);
+        let mut text = format!("{}: {} of {}", shown(&self.output), self.stage, Count(self.parts, "part"));
         if let Some(threshold) = self.threshold {
             let _ = write!(text, "; inside are values from {} up", Short(threshold));
         }
         if let (Some(added), Some(removed)) = (self.voxels_added, self.voxels_removed) {
-            let _ = write!(text, "; cleaned: {added} voxels added, {removed} removed");
+            let _ = write!(text, "; cleaned: {} added, {removed} removed", Count(added, "voxel"));
         }
         text.push('\n');
         for warning in &self.warnings {
@@ -228,12 +228,12 @@ impl MergeReport {
     /// Report for people.
     pub fn text(&self) -> String {
         format!(
-            "{}: {} parts joined, {} {}, {} nodes, {} in {:.2} s; peak resident memory {}\n",
+            "{}: {} joined, {} {}, {}, {} in {:.2} s; peak resident memory {}\n",
             shown(&self.output),
-            self.parts,
+            Count(self.parts, "part"),
             self.skin_voxels,
             items(self.surface),
-            self.nodes,
+            Count(self.nodes, "node"),
             Bytes(self.bytes),
             self.wall_s,
             Bytes(self.peak_rss_bytes)

@@ -48,7 +48,7 @@ use crate::error::Error;
 use crate::jobs::batch::NewFolders;
 use crate::jobs::opened::open_model;
 use crate::synthetic;
-use crate::text::shown;
+use crate::text::{Count, shown};
 
 /// Subjects and settings of a report.
 #[derive(Clone, Debug)]
@@ -206,9 +206,9 @@ impl Report {
         let mut text = verdict.map(|verdict| format!("{verdict}\n")).unwrap_or_default();
         let _ = writeln!(
             text,
-            "{} measurements in {} experiments, {:.1} s",
-            rows,
-            self.experiments.len(),
+            "{} in {}, {:.1} s",
+            Count(rows, "measurement"),
+            Count(self.experiments.len(), "experiment"),
             self.wall_s
         );
         for file in &self.files {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::jobs::batch::{LeftOutCount, LeftOutFile, NOTICE};
 use crate::source::{BurnedIn, SubjectKind};
-use crate::text::shown;
+use crate::text::{Count, shown};
 
 /// One volume that was found.
 #[derive(Clone, Debug, Serialize)]
@@ -104,7 +104,8 @@ impl Listed {
         let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
         let (input, format) = (shown(&self.input), &self.format);
         let kind = if self.kind == self.format { String::new() } else { format!(", {}", self.kind) };
-        let head = format!("{:>3}. {input} ({format}{kind}{part}, {} file(s))", self.number, self.files);
+        let head =
+            format!("{:>3}. {input} ({format}{kind}{part}, {})", self.number, Count(self.files, "file"));
         if let Some(reason) = &self.reason {
             let end = if self.copy_of.is_some() { "skipped" } else { "refused" };
             // The name has the series' number, which the folder does not show.
@@ -118,8 +119,9 @@ impl Listed {
             }
             Some(size) => {
                 let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
-                let labels =
-                    self.label_count.map_or_else(String::new, |labels| format!(", {labels} label(s)"));
+                let labels = self
+                    .label_count
+                    .map_or_else(String::new, |labels| format!(", {}", Count(labels, "label")));
                 let size = format!("{x}x{y}x{z} {}{labels}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
                 format!("{head}\n  {size} -> {}\n", self.name)
             }

@@ -8,7 +8,7 @@ use super::Method;
 use crate::jobs::compare::Area;
 use crate::measure::places::PlaceOut;
 use crate::measure::statistics::Distribution;
-use crate::text::{Short, shown};
+use crate::text::{Count, Short, shown};
 
 /// Thickness of the walls of a model. Lengths are in mm, areas in mm2, places in LPS mm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -108,7 +108,8 @@ impl ThicknessReport {
     /// Report for people.
     pub fn text(&self) -> String {
         let (by, most) = (self.by.name(), Short(self.max_mm));
-        let mut text = format!("{}: {} cells, by {by}, up to {most} mm\n", shown(&self.input), self.cells);
+        let mut text =
+            format!("{}: {}, by {by}, up to {most} mm\n", shown(&self.input), Count(self.cells, "cell"));
         if let Some(t) = self.thickness {
             let [mean, p5, p50, p95, min, max] = [t.mean, t.p5, t.p50, t.p95, t.min, t.max].map(Short);
             let _ = writeln!(
@@ -122,8 +123,12 @@ impl ThicknessReport {
             ("below two voxels, too thin to be measured", self.below_resolution),
         ];
         for (what, area) in parts.into_iter().filter(|(_, area)| area.cells > 0) {
-            let _ =
-                writeln!(text, "  {what}: {} cells, {} % of the area", area.cells, Short(100.0 * area.share));
+            let _ = writeln!(
+                text,
+                "  {what}: {}, {} % of the area",
+                Count(area.cells, "cell"),
+                Short(100.0 * area.share)
+            );
         }
         if let Some(thin) = &self.thin {
             let [limit, area, share] = [thin.limit_mm, thin.area_mm2, 100.0 * thin.share].map(Short);

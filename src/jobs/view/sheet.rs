@@ -18,7 +18,7 @@ use crate::jobs::batch::earlier::items;
 use crate::jobs::batch::page::{SCRIPT, home_line};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::PositionalFile;
-use crate::text::{data, html};
+use crate::text::{Count, data, html};
 
 /// Most models of a contact sheet, and deepest nesting of folders.
 const MAX_ENTRIES: usize = 10_000;
@@ -200,7 +200,7 @@ pub(super) fn page(folder: &Path, entries: &[Entry]) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src 'self'; style-src 'sha256-{hash}'; base-uri 'none'; form-action 'none'\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"referrer\" content=\"no-referrer\">\
-         <title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1><p>{} models</p>\n<ul>\n{cards}</ul></body></html>\n",
-        entries.len()
+         <title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1><p>{}</p>\n<ul>\n{cards}</ul></body></html>\n",
+        Count(entries.len(), "model")
     )
 }

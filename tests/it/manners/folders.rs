@@ -159,16 +159,16 @@ fn the_contact_sheet_tells_how_the_threshold_came_and_what_the_folder_holds() {
     mixed(&top);
     batch(&top, &out, &[]);
     let page = || fs::read_to_string(out.join("index.html")).unwrap();
-    for words in ["(Otsu)", "CT image", "holds 3 model(s)", "of the whole process", "copy of"] {
+    for words in ["(Otsu)", "CT image", "holds 3 models", "of the whole process", "copy of"] {
         assert!(page().contains(words), "{words}: {}", page());
     }
     // Another run over a part of it: the page says what is there besides.
     let again = oct(&["batch", &text(&top.join("a")), "--out", &text(&out), "--quiet"]);
     assert!(
-        again.stdout.contains("0 converted, 1 skipped") && again.stdout.contains("holds 3 model(s)"),
+        again.stdout.contains("0 converted, 1 skipped") && again.stdout.contains("holds 3 models"),
         "{again:?}"
     );
-    assert!(page().contains("holds 3 model(s)"));
+    assert!(page().contains("holds 3 models"));
     let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
     let bytes: u64 = names(&out)
         .iter()
@@ -196,7 +196,7 @@ fn raw_files_that_lack_a_side_car_only_are_told_so_with_the_text_to_write() {
     fs::write(top.join("notes.txt"), "nothing").unwrap();
     let told = oct(&["scan", &text(&top)]).stdout;
     assert!(
-        told.starts_with("0 volume(s) would be converted, 0 refused: no DICOM,")
+        told.starts_with("0 volumes would be converted, 0 refused: no DICOM,")
             && told.contains("oct help formats"),
         "{told}"
     );
