@@ -579,7 +579,8 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;
-    output.finish(|| print_picture(args.json, (&args.model, &args.output), depth.is_some(), report))
+    let has = [depth.is_some(), args.section.is_some()];
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), has, report))
 }
 
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
@@ -588,7 +589,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
-    output.finish(|| print_picture(args.json, (&args.model, &args.output), false, report))
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), [false; 2], report))
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {

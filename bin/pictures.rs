@@ -11,17 +11,23 @@ use infobyte::text::{Count, shown};
 
 use crate::print;
 
-/// Warnings of an empty picture of a model, and of a scene.
+/// Warnings of an empty picture of a model, of a slice, and of a scene.
 const NO_HIT: &str = "no ray meets the model, so the picture is empty; check --eye, --look-at and --fov";
+const NO_CUT: &str =
+    "the plane meets nothing that is shown, so the picture is empty; choose another place with --section";
 const NO_HIT_IN_SCENE: &str = "no ray meets a model, so the picture is empty; check what [clip] and the models' clip leave, and --eye, --look-at and --fov or the scene's [camera]";
 
 pub(crate) fn print_picture(
     as_json: bool,
     (input, output): (&Path, &Path),
-    has_depth: bool,
+    [has_depth, is_slice]: [bool; 2],
     picture: RenderReport,
 ) -> Result<ExitCode, Error> {
-    let sentence = if is_scene(input) { NO_HIT_IN_SCENE } else { NO_HIT };
+    let sentence = match is_scene(input) {
+        _ if is_slice => NO_CUT,
+        true => NO_HIT_IN_SCENE,
+        false => NO_HIT,
+    };
     let warnings = if picture.hits == 0 { vec![sentence.to_owned()] } else { Vec::new() };
     let report = PictureReport::new(input, output, picture, warnings);
     let text = || {

@@ -8,11 +8,12 @@ use crate::geom::dot;
 pub(crate) type Face = ([u16; 2], Vec<[f64; 3]>);
 
 impl Walls {
-    /// Corners of the labelled part of a cell, in its own coordinates.
-    pub(crate) fn labelled(&self, faces: &[Face]) -> Vec<[f64; 3]> {
-        let corners = (0..8).filter(|corner| self.corner(*corner) > 0);
+    /// Corners of the part of a cell that has such labels, in its own coordinates.
+    pub(crate) fn labelled(&self, faces: &[Face], is_such: impl Fn(u16) -> bool) -> Vec<[f64; 3]> {
+        let corners = (0..8).filter(|corner| is_such(self.corner(*corner)));
         let at = |corner: usize| std::array::from_fn(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 });
-        let ends = faces.iter().filter(|(labels, _)| labels.contains(&0)).flat_map(|(_, face)| face);
+        let ends = faces.iter().filter(|([one, other], _)| is_such(*one) != is_such(*other));
+        let ends = ends.flat_map(|(_, face)| face);
         corners.map(at).chain(ends.copied()).collect()
     }
 

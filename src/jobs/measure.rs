@@ -159,7 +159,7 @@ fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<Bounds> {
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
         direction[axis] = sign;
-        sign * space.support_of_inside(view, direction)
+        sign * space.support_of_inside(view, direction, None)
     };
     let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
     Some(Bounds { voxels: extent(view)?, box_mm })

@@ -35,7 +35,8 @@ pub struct Outputs<'a> {
     pub ids: Option<&'a Path>,
     /// Number and arrangement of the pictures in `image`; other images exist for a single picture only.
     pub shots: Shots,
-    /// Text above the picture; an empty one stands for the name of the file and the size of its model.
+    /// Text above the picture; an empty one stands for the name of the file and the size of what is shown of its model,
+    /// before cuts.
     pub title: Option<&'a str>,
     /// True to list the visible labels on the picture's right; of a scene also its models without labels.
     pub legend: bool,
@@ -66,14 +67,6 @@ impl<'a> Outputs<'a> {
     /// All paths that are named.
     pub(super) fn all(&self) -> Vec<&'a Path> {
         [Some(self.image), self.depth, self.normals, self.ids].into_iter().flatten().collect()
-    }
-
-    /// The title of a picture of an object with this support.
-    pub(super) fn title_of(&self, path: &Path, support: impl Fn([f64; 3]) -> f64) -> Option<String> {
-        match self.title {
-            Some("") => Some(size_title(path.file_stem().unwrap_or_default(), support)),
-            title => title.map(|text| shown(text).to_string()),
-        }
     }
 
     /// Names of the frames and their number, for frames in several files.
@@ -243,9 +236,17 @@ fn shown_of(bodies: &Bodies<'_>, request: &RenderRequest, seen: BTreeSet<Seen>) 
 fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &RenderRequest) -> Frame {
     let support = |direction| {
         let all = bodies.parts.iter().map(|part| part.support_of_inside(direction));
-        all.fold(f64::NEG_INFINITY, f64::max)
+        let most = all.fold(f64::NEG_INFINITY, f64::max);
+        if most.is_finite() { most } else { bodies.support(direction) }
     };
-    let title = outputs.title_of(path, support);
+    let title = match outputs.title {
+        Some("") => {
+            let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip().is_empty());
+            let uncut = if is_cut { " (uncut)" } else { "" };
+            Some(size_title(path.file_stem().unwrap_or_default(), support) + uncut)
+        }
+        title => title.map(|text| shown(text).to_string()),
+    };
     let (size, ground) = (bodies.size(request), bodies.ground(request));
     Frame::new(size, ground, title, bodies.legend.clone(), bodies.ramp.clone())
 }

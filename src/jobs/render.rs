@@ -252,6 +252,12 @@ impl Bodies<'_> {
         self.parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// [`Bodies::support`] of what is visible, or of all if nothing is.
+    pub(super) fn support_of_visible(&self, direction: [f64; 3]) -> f64 {
+        let all: Vec<_> = self.parts.iter().map(|part| (part, 0)).collect();
+        support(&all, direction, &Relief::none())
+    }
+
     /// The colour behind a picture (sRGB).
     pub(super) fn ground(&self, request: &RenderRequest) -> Option<[u8; 3]> {
         let own = || Some(self.scene.background?.map(|light| Shader::new().encode(light)));
@@ -485,7 +491,11 @@ fn place(
     if framed.is_empty() {
         framed = all().collect();
     }
-    let frame = |direction| support(&framed, direction, relief);
+    let frame = |direction| match request.section {
+        // Slices of different labels have the same frame.
+        Some(_) => framed.iter().map(|(part, _)| part.support(direction)).fold(f64::NEG_INFINITY, f64::max),
+        None => support(&framed, direction, relief),
+    };
     let projection = match request.section {
         Some(_) => Projection::Parallel,
         None => request.projection.or(own.projection).unwrap_or_default(),

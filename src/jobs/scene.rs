@@ -104,13 +104,14 @@ impl Files {
 fn check_section(path: &Path, section: Section, bodies: &Bodies<'_>) -> Result<(), Fault> {
     let mut normal = [0.0; 3];
     normal[section.axis] = 1.0;
-    let (from_mm, to_mm) = (-bodies.support(normal.map(|c: f64| -c)), bodies.support(normal));
+    let reach = |direction| bodies.support_of_visible(direction);
+    let (from_mm, to_mm) = (-reach(normal.map(|c: f64| -c)), reach(normal));
     if (from_mm..=to_mm).contains(&section.at_mm) {
         return Ok(());
     }
     let axis = ['x', 'y', 'z'][section.axis];
     let (from_mm, to_mm) = (Short(from_mm), Short(to_mm));
-    Err(usage!("the plane does not intersect it; choose {SECTION} with {axis} from {from_mm} to {to_mm} mm")
+    Err(usage!("the plane does not intersect what is shown; choose {SECTION} with {axis} from {from_mm} to {to_mm} mm")
         .at(path))
 }
 

@@ -166,19 +166,28 @@ impl GridSpace {
         self.support_within(view, self.along(direction), (self.whole(), finest), None)
     }
 
-    /// [`GridSpace::support`] of the inside: in cells the part behind the surface, or with a label.
-    pub(crate) fn support_of_inside(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
+    /// [`GridSpace::support`] of the inside: in cells the part behind the surface, or with a label; of the labels that are
+    /// not hidden within `shown`, if that is given.
+    pub(crate) fn support_of_inside(
+        &self,
+        view: &ModelView<'_>,
+        direction: [f64; 3],
+        shown: Option<(&Hidden, Bounds)>,
+    ) -> f64 {
         let Some(cells) = view.cells().filter(|_| self.dims.depth() <= FINEST_DEPTH) else {
-            return self.support(view, direction);
+            let all = || self.support(view, direction);
+            return shown.map_or_else(all, |shown| self.support_of_visible(view, direction, shown, &|| {}));
         };
+        let is_shown = |label: u16| shown.map_or(label, |(hidden, _)| hidden.seen(label)) > 0;
         let reach = |way: &Way<'_>, cell: u64, at: [u32; 3]| match view.walls(cell) {
-            Some(walls) => way.bound_of_walls(&walls, at),
+            Some(walls) => way.bound_of_walls(&walls, at, is_shown),
             None => match cells.shape(cell) {
                 CellShape::Plane(plane) => way.bound_of_leaf(&plane, at, 1),
                 CellShape::Corners(corners) => way.bound_of_corners(corners, at),
             },
         };
-        self.support_within(view, self.along(direction), (self.whole(), 0), Some(&reach))
+        let bounds = shown.map_or_else(|| self.whole(), |(_, bounds)| bounds);
+        self.support_within(view, self.along(direction), (bounds, 0), Some(&reach))
     }
 
     /// [`GridSpace::support`] of the cells with a label that is not hidden, exact for every size; `bounds` encloses them,
@@ -391,10 +400,10 @@ impl Way<'_> {
         most
     }
 
-    /// Greatest value within the labelled part of a finest cell.
-    fn bound_of_walls(&self, walls: &Walls, low: [u32; 3]) -> f64 {
+    /// Greatest value within the part of a finest cell that has such labels.
+    fn bound_of_walls(&self, walls: &Walls, low: [u32; 3], is_such: impl Fn(u16) -> bool) -> f64 {
         let at = |u: [f64; 3]| self.bound_at(std::array::from_fn(|a| f64::from(low[a]) + (1.0 + u[a]) / 2.0));
-        walls.labelled(&walls.faces()).into_iter().map(at).fold(f64::NEG_INFINITY, f64::max)
+        walls.labelled(&walls.faces(), is_such).into_iter().map(at).fold(f64::NEG_INFINITY, f64::max)
     }
 
     fn bound_at(&self, at: [f64; 3]) -> f64 {

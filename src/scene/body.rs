@@ -180,24 +180,35 @@ impl<'a> Part<'a> {
         self.space.support(self.view, direction)
     }
 
-    /// [`Part::support`] of the inside, as `oct info` measures extents.
+    /// [`Part::support`] of the inside of what is visible, as `oct info` measures extents; -inf if all is hidden.
     pub(crate) fn support_of_inside(&self, direction: [f64; 3]) -> f64 {
-        self.space.support_of_inside(self.view, direction)
+        if self.is_invisible() {
+            return f64::NEG_INFINITY;
+        }
+        self.space.support_of_inside(self.view, direction, self.visible(&|| {}))
     }
 
     /// [`Part::support`] of what is visible, with boxes of 2^`finest` voxels, or cells where labels are hidden; -inf if
     /// all are. `look` is called now and then during a long search.
     pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32, look: &dyn Fn()) -> f64 {
-        let (space, view) = (&self.space, self.view);
-        match &self.opacity {
-            Some(opacity) if opacity.is_invisible() => f64::NEG_INFINITY,
-            Some(opacity) if opacity.hides_some() => {
-                let hidden = opacity.hidden(true);
-                let bounds = self.visible.get_or_init(|| space.bounds_of_visible(view, hidden, look));
-                space.support_of_visible(view, direction, (hidden, *bounds), look)
-            }
-            _ => space.support_to(view, direction, finest),
+        if self.is_invisible() {
+            return f64::NEG_INFINITY;
         }
+        match self.visible(look) {
+            Some(visible) => self.space.support_of_visible(self.view, direction, visible, look),
+            None => self.space.support_to(self.view, direction, finest),
+        }
+    }
+
+    fn is_invisible(&self) -> bool {
+        self.opacity.as_ref().is_some_and(Opacity::is_invisible)
+    }
+
+    /// The hidden labels, and bounds of the visible ones; `None` if no label is hidden.
+    fn visible(&self, look: &dyn Fn()) -> Option<(&Hidden, Bounds)> {
+        let hidden = self.opacity.as_ref().filter(|opacity| opacity.hides_some())?.hidden(true);
+        let bounds = || self.space.bounds_of_visible(self.view, hidden, look);
+        Some((hidden, *self.visible.get_or_init(bounds)))
     }
 
     pub(crate) fn view(&self) -> &'a ModelView<'a> {
@@ -216,7 +227,7 @@ impl<'a> Part<'a> {
         &self.material
     }
 
-    pub(super) fn clip(&self) -> &Clip {
+    pub(crate) fn clip(&self) -> &Clip {
         &self.clip
     }
 }

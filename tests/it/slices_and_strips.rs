@@ -63,7 +63,10 @@ fn slices_have_the_area_of_what_they_cut() {
         oct(&[&["render", &model, "-o", &text(&folder.path().join("x.png"))], extra].concat())
             .refused(2, words);
     };
-    refused(&["--section", "z=90"], &["m.oct", "does not intersect it", "--section", "with z from"]);
+    refused(
+        &["--section", "z=90"],
+        &["m.oct", "does not intersect what is shown", "--section", "with z from"],
+    );
     refused(&["--section", "w=1"], &["'w=1' is not a plane", "z=40"]);
     refused(&["--section", "z=30", "--view", "left"], &["--section", "--view"]);
     refused(&["--section", "z=30", "--contact"], &["--section", "--contact"]);
@@ -104,6 +107,22 @@ fn labels_are_cut_and_listed() {
     assert_eq!(count(&pixels, blue), 0.0);
     let hidden = picture(folder, &model, &[&slice[..], &["--hide", "liver"]].concat());
     assert!(count(&hidden, red) == 0.0 && count(&hidden, green) == count(&pixels, green));
+    // A slice keeps its frame, and titles state what is shown.
+    let lung = picture(folder, &model, &[&slice[..], &["--only", "lung"]].concat());
+    assert!(count(&lung, red) == 0.0 && count(&lung, green) == count(&pixels, green));
+    for (extra, title) in [
+        (&["--only", "lung"][..], "m · 16.4 × 32.8 × 32.8 mm"),
+        (&["--only", "lung", "--section", "z=24"], "m · 16.4 × 32.8 × 32.8 mm (uncut)"),
+        (&["--clip", "z=..24"], "m · 35.9 × 35.9 × 35.9 mm (uncut)"),
+    ] {
+        let titled = |title: &str| picture(folder, &model, &[&["--size", "300x200", title], extra].concat());
+        assert!(titled("--title") == titled(&format!("--title={title}")), "{title}");
+    }
+    oct(&["render", &model, "-o", &text(&folder.join("x.png")), "--section", "z=24", "--only", "spot"])
+        .refused(2, &["does not intersect what is shown; choose --section with z from 3 to 6 mm"]);
+    let run =
+        oct(&["render", &model, "-o", &text(&folder.join("x.png")), "--section", "z=24", "--clip", "z=..9"]);
+    assert!(run.code == 0 && run.stdout.contains("choose another place with --section"), "{run:?}");
     // Swatches of what is seen alone, in a slice, a view, a sheet and a turntable, where all are listed.
     let swatches = |extra: &[&str]| {
         let all = picture(folder, &model, &[&["--size", "300x300", "--legend"], extra].concat());

@@ -54,7 +54,7 @@ pub(in crate::jobs) fn measure_labels(
             let patch = patch.filter(|_| found.planes().len() == 1);
             let faces = found.faces();
             let middle = [voxel.x, voxel.y, z].map(f64::from);
-            for u in found.labelled(&faces) {
+            for u in found.labelled(&faces, |label| label > 0) {
                 let at = affine.apply(std::array::from_fn(|a| middle[a] + u[a] / 2.0));
                 for (a, value) in at.into_iter().enumerate() {
                     (box_mm[0][a], box_mm[1][a]) = (value.min(box_mm[0][a]), value.max(box_mm[1][a]));

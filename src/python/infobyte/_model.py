@@ -256,7 +256,7 @@ class Model:
         `range`; by default those of the quantity.
 
         `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
-        name and the model's size in mm. `legend`: on the right, colours and names of the labels that are seen, or
+        name and the size of what is shown in mm, uncut. `legend`: on the right, colours and names of the labels that are seen, or
         the colours of measured values.
 
         `clip`: bounds along axes in LPS mm, such as `{'z': (None, 40)}`; the outside is cut away, and cut faces of closed
