@@ -40,7 +40,7 @@ const GROUPS: [(&str, &str); 5] = [
 const CLAUSE_ENDS: [&str; 5] = ["; ", ": ", ". ", ", such as", ", by default"];
 
 /// Words of other programs for commands and options of this one.
-const SYNONYMS: [(&str, &str); 11] = [
+const SYNONYMS: [(&str, &str); 12] = [
     ("info", "measure stats metadata show header"),
     ("build", "convert import voxelize create"),
     ("export", "mesh save stl"),
@@ -50,6 +50,7 @@ const SYNONYMS: [(&str, &str); 11] = [
     ("intersect", "collide overlap clearance"),
     ("--iso", "--threshold --level --isovalue"),
     ("--output", "--out --file"),
+    ("--out", "--output --folder"),
     ("--grid", "--resolution --voxels"),
     ("--size", "--width --height --resolution"),
 ];

@@ -100,32 +100,45 @@ fn refuse(e: &clap::Error) -> ExitCode {
     let known = args::Cli::command();
     let command = words().find_map(|word| word.to_str().and_then(|word| known.find_subcommand(word)));
     let help = command.map_or_else(|| "oct --help".to_owned(), |of| format!("oct {} --help", of.get_name()));
-    let meant = meant(e, command.unwrap_or(&known))
-        .map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+    let meant = meant(e, &known, command).unwrap_or_default();
     let sentence = format!("{}{meant}; see `{help}`", first_paragraph(&e.to_string()));
     // The command line could not be read, so its words are looked at.
     let as_json = words().any(|word| word == "--json");
     tell(&sentence, ExitKind::Usage, as_json)
 }
 
-/// The likely meaning of an unknown subcommand or option of a command.
-fn meant(e: &clap::Error, command: &clap::Command) -> Option<String> {
-    let (word, known): (_, Vec<String>) = match e.kind() {
+/// The likely meaning of an unknown subcommand, or option of a command: one of its own, or else of other commands.
+fn meant(e: &clap::Error, oct: &clap::Command, command: Option<&clap::Command>) -> Option<String> {
+    let flags = |of: &clap::Command| -> Vec<String> {
+        of.get_arguments().filter_map(|arg| Some(format!("--{}", arg.get_long()?))).collect()
+    };
+    let (word, known) = match e.kind() {
         ErrorKind::UnknownArgument => {
-            let options = command.get_arguments().filter_map(clap::Arg::get_long);
-            let known = options.chain(["help"]).map(|name| format!("--{name}"));
-            (e.get(ContextKind::InvalidArg)?, known.collect())
+            let own = flags(command.unwrap_or(oct)).into_iter();
+            (e.get(ContextKind::InvalidArg)?, own.chain(["--help".to_owned()]).collect())
         }
         ErrorKind::InvalidSubcommand => {
-            let known = command.get_subcommands().map(|command| command.get_name().to_owned());
-            (e.get(ContextKind::InvalidSubcommand)?, known.collect())
+            let known = oct.get_subcommands().map(|command| command.get_name().to_owned());
+            (e.get(ContextKind::InvalidSubcommand)?, known.collect::<Vec<_>>())
         }
         _ => return None,
     };
-    match word {
-        ContextValue::String(word) => help::meant(word, &known),
-        _ => None,
+    let ContextValue::String(word) = word else { return None };
+    if let Some(near) = help::meant(word, &known) {
+        return Some(format!("; did you mean '{near}'?"));
     }
+    if e.kind() == ErrorKind::InvalidSubcommand {
+        return None;
+    }
+    let flag = help::meant(word, &oct.get_subcommands().flat_map(flags).collect::<Vec<_>>())?;
+    let having = oct.get_subcommands().filter(|of| flags(of).contains(&flag));
+    let having: Vec<String> = having.map(|of| format!("`oct {}`", of.get_name())).collect();
+    let having = match &having[..] {
+        [all @ .., last] if (1..3).contains(&all.len()) => format!("{} and {last}", all.join(", ")),
+        [one, other, _, ..] => format!("{one}, {other} and others"),
+        _ => having.concat(),
+    };
+    Some(format!("; {flag} is an option of {having}"))
 }
 
 /// The first paragraph of clap's output, which describes the error; usage and hints follow after an empty line.
@@ -309,7 +322,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     } else {
         let notes: String = report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
         put(&format!(
-            "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
+            "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {}, {}\n{notes}",
             shown(&args.out),
             counts.converted,
             counts.skipped,

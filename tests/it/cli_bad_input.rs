@@ -219,6 +219,19 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["build", &input, "-o", &output, "--tresh", "9"], &["did you mean '--iso'"]),
         (&["render", &input, "-o", &output, "--resolution", "9"], &["did you mean '--size'"]),
         (&["render", &input, "-o", &output, "--widht", "9"], &["did you mean '--size'"]),
+        (&["batch", &input, "--output", &output], &["did you mean '--out'"]),
+        (
+            &["view", &input, "--width", "9"],
+            &["--size is an option of `oct render`, `oct thumbnail` and `oct demo`;"],
+        ),
+        (
+            &["view", &input, "--annotate"],
+            &["'--annotate'", "--annotate is an option of `oct render`; see `oct view"],
+        ),
+        (
+            &["view", &input, "--memry", "9"],
+            &["--memory is an option of `oct build`, `oct batch` and others"],
+        ),
         (&["render", &input, "-o", &output, "--clip", "z=5..2"], &["'z=5..2'", "z=..40"]),
         (&["render", &input, "-o", &output, "--section", "z=0", "--contact"], &["--section", "--contact"]),
         (&["render", &input, "-o", &output, "--fov", "20"], &["--fov", "--projection perspective"]),
