@@ -308,7 +308,7 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        let mut whole = self.fewer(progress);
+        let mut whole = self.fewer(self.triangles, progress);
         let fed = self.feed(bounds, &mut whole, fates, progress);
         // Slabs report a stop to the mesher as an error of output.
         progress.check()?;
@@ -322,9 +322,9 @@ impl Exporter<'_> {
         self.triangles.is_some() || self.error_mm.is_some()
     }
 
-    /// The reducer of triangles.
-    fn fewer<'p>(&self, progress: &'p dyn Progress) -> Whole<'p> {
-        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
+    /// The reducer of triangles, to a number or within the distance.
+    fn fewer<'p>(&self, triangles: Option<u64>, progress: &'p dyn Progress) -> Whole<'p> {
+        let goal = Goal { triangles, error_mm: self.error_mm };
         Whole::new(goal, self.voxel_mm(), progress)
     }
 

@@ -45,7 +45,7 @@ pub struct ExportRequest<'a> {
     /// its triangles, and half a voxel apart on the new ones.
     pub error: Option<Tolerance>,
     /// Number of triangles to reduce the surface to, by removing and moving corners; with `error` until either is
-    /// reached.
+    /// reached. Of labels all together.
     pub triangles: Option<u64>,
     /// Limit in voxels along each axis to which walls of labels are smoothed away from the voxels' sides, 0 to
     /// [`MAX_SMOOTH`], the default. At 0 they are the voxels' sides, and volumes are exact.
@@ -190,7 +190,7 @@ pub fn export(
 }
 
 /// Notes on triangles that are fewer than were asked for, or more, and on parts that were left out.
-fn shortfalls(request: ExportRequest<'_>, made: &Exported) -> Vec<String> {
+fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec<String> {
     let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
     let mut notes = Vec::new();
     match request.triangles {
@@ -204,6 +204,9 @@ fn shortfalls(request: ExportRequest<'_>, made: &Exported) -> Vec<String> {
             "no closed surface of fewer triangles was found within that error; none was left out".to_owned(),
         ),
         _ => {}
+    }
+    if labels > 1 && triangles < fine_triangles {
+        notes.push("each label was reduced by itself, so that walls of neighbours are up to twice the distance apart".to_owned());
     }
     if let Some(parts_gone @ 1..) = parts_gone {
         notes.push(format!(
@@ -250,9 +253,9 @@ fn report(
         parts_gone: made.parts_gone,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
+        warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made, surfaces.len())).collect(),
         surfaces,
         is_far,
-        warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made)).collect(),
         apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| !form.is_page()),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),

@@ -68,7 +68,6 @@ names! {
     MEASURE = "anyway",
     MEMORY = "memory",
     MIN_SLICES = "min_slices",
-    ONLY = "only",
     ORIENTATION = "orientation",
     ORIGIN = "origin_mm",
     OUT = "out",

@@ -462,6 +462,39 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
     assert!(sections(&model) == sections(&again));
 }
 
+/// Several labels share a number of triangles, or keep within a distance: each is closed, and as large as before.
+#[test]
+fn labels_share_a_number_of_triangles_and_are_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.oct");
+    bodies().build(&model);
+    let (path, fine) = exported(&model, "fine.ply", None);
+    let whole = Surfaces::read(&path).volumes();
+    for (wanted, error, [least, most]) in [
+        (Some(2000), None, [1900, 2000]),
+        (Some(6000), Some(0.3), [5000, 7000]),
+        (None, Some(0.3), [1000, fine.triangles / 2]),
+    ] {
+        let path = folder.path().join("few.ply");
+        let error = error.map(|voxels: f64| voxels.to_string().parse().unwrap());
+        let request = ExportRequest { triangles: wanted, error, ..ExportRequest::of(ExportForm::Ply) };
+        let few = export(&model, &path, request, &Silent).unwrap();
+        let figures = (few.closed, few.fine_triangles, few.parts_gone);
+        assert_eq!(figures, (Some(true), Some(fine.triangles), Some(0)));
+        assert!((least..=most).contains(&few.triangles), "{few:?}");
+        assert!(few.distance_mm.unwrap() <= error.map_or(1.0, |_| 0.3), "{few:?}");
+        assert!(few.warnings.iter().any(|note| note.contains("each label was reduced by itself")), "{few:?}");
+        let found = Surfaces::read(&path);
+        found.assert_closed("few");
+        let volumes = found.volumes();
+        assert_eq!(volumes.len(), 5);
+        for (label, volume) in volumes {
+            let part = volume / whole[&label];
+            assert!((part - 1.0).abs() < 0.1, "{label}: {part}");
+        }
+    }
+}
+
 /// Labels that are chosen have the triangles that they have among all, whatever their neighbours; a single one has fewer of
 /// them where that is asked for.
 #[test]
@@ -517,7 +550,6 @@ fn chosen_labels_are_as_among_all() {
     for (flags, told) in [
         (&["-o", "x.stl", "--only", "5"][..], "has no label 5"),
         (&["-o", "x.stl", "--only", "2", "--hide", "1..9"], "no label is left"),
-        (&["-o", "x.stl", "--only", "2,7", "--triangles", "9"], "one at a time"),
         (&["-o", "x.html", "--only", "2"], "holds all labels"),
         (&["--each", "x", "--only", "5"], "has no label 5"),
     ] {
@@ -544,7 +576,6 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     oct(&["export", &p, "-o", &at("p.stl"), "--only", "1"]).refused(2, &["no labels to choose from"]);
     oct(&["export", &p, "-o", &at("p.stl"), "--smooth", "0"]).refused(2, &["no labels"]);
     oct(&["export", &m, "-o", &at("m.stl"), "--smooth", "0.6"]).refused(2, &["from 0 to 0.5"]);
-    oct(&["export", &m, "-o", &at("m.stl"), "--error", "0.1"]).refused(2, &["one at a time"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);
     oct(&["export", &m]).refused(2, &["--output"]);
     let nan = ExportRequest { smooth: Some(f64::NAN), ..ExportRequest::of(ExportForm::Stl) };

@@ -6,9 +6,11 @@
 //! ```
 //!
 //! Memory: two layers of cells, and the buffers of the parts. Temporary disk: 24 bytes a vertex and 12 a triangle. STL takes
-//! 12 bytes a vertex of the largest part in memory, too.
+//! 12 bytes a vertex of the largest part in memory, too. Fewer triangles (fewer) are made of one label after the other, so
+//! that neighbours share their walls within the distance only.
 
 mod cell;
+mod fewer;
 mod mesher;
 mod parts;
 mod walls;
@@ -46,7 +48,7 @@ pub(crate) struct LabelMesh {
     /// Labels that are wanted, and the part of each.
     labels: Vec<Label>,
     part_of: Vec<usize>,
-    /// The reduction, for a single label with fewer triangles.
+    /// The reduction, for fewer triangles.
     made: Exported,
     /// True if vertices have normals: where walls are smooth.
     normals: bool,
@@ -84,20 +86,13 @@ impl Exporter<'_> {
             let Some(z) = slices.next() else { return Ok(()) };
             mesher.next(&Stored { view: self.view, cells, low, width, height, part_of: &part_of }, z)
         })?;
-        let mut parts = mesher.parts;
+        let parts = mesher.parts;
         let wanted_parts = (0..all.len()).filter(|part| wanted[*part]);
         let (part_of, labels): (Vec<_>, _) = wanted_parts.map(|part| (part, all[part].clone())).unzip();
-        let mut made = Exported::default();
-        if self.is_fewer()
-            && let [part] = part_of[..]
-        {
-            let mut whole = self.fewer(progress);
-            parts.each_vertex(part, |[at, normal]| whole.vertex(&Vertex { at, normal, light: [0; 3] }))?;
-            parts.each_triangle(part, |corners| whole.triangle(corners, [[0.0; 3]; 3]))?;
-            made = whole.reduce(Exported { triangles: parts.counts(part)[1], ..made })?;
-            parts = Parts::new(scratch::unnamed(scratch)?, wanted);
-            whole.hand_on(&mut OnePart(&mut parts, part))?;
-        }
+        let (parts, made) = match self.is_fewer() {
+            true => self.fewer_of_parts(&parts, (&part_of, wanted), scratch, progress)?,
+            false => (parts, Exported::default()),
+        };
         Ok(LabelMesh { parts, labels, part_of, made, normals: smooth > 0.0 })
     }
 

@@ -25,7 +25,7 @@ use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scene::label_parts;
 use crate::text::data;
-use crate::text::names::{ONLY, RANGE, SMOOTH};
+use crate::text::names::{RANGE, SMOOTH};
 
 /// The surface of one label, as it was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -187,11 +187,6 @@ pub(super) fn wanted<D: AsRef<[u8]>>(
     let wanted: Vec<bool> = parts.into_iter().map(|part| part > 0.0).collect();
     if !rules.is_empty() && !wanted.contains(&true) {
         return Err(usage!("no label is left to write; name one that is not left out").at(path));
-    }
-    let is_fewer = request.form.has_triangles() && (request.error.is_some() || request.triangles.is_some());
-    if is_fewer && wanted.iter().filter(|is_wanted| **is_wanted).count() > 1 {
-        let sentence = "has several labels, which become fewer triangles one at a time";
-        return Err(usage!("{sentence}; name one with {ONLY}").at(path));
     }
     Ok(wanted)
 }

@@ -467,7 +467,7 @@ class Model:
         instead of the outside of all labels, the closed surface of each of these in its colour, one after the other, with
         walls between neighbours. `progress` as in `build`.
 
-        Raises `UsageError` for a model that keeps only what can be seen, and for `triangles` of several labels.
+        Raises `UsageError` for a model that keeps only what can be seen.
         """
         _refuse_no_triangles(triangles)
         with bar(progress) as told:
