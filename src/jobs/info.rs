@@ -220,7 +220,11 @@ impl Info {
         if let Some(noise) = &m.noise {
             row("noise", noise_text(noise));
         }
-        rows.extend(label_figures(frame, self.measured.as_ref()).iter().map(label_row));
+        let labels = label_figures(frame, self.measured.as_ref());
+        if !labels.is_empty() {
+            rows.push(("labels".to_owned(), label_heads(&labels, all)));
+        }
+        rows.extend(labels.iter().map(label_row));
         if all {
             rows.extend(file_rows(frame));
         }
@@ -248,6 +252,23 @@ fn what_it_is(frame: &Frame) -> String {
         let _ = write!(text, ", {}", Count(frame.labels.len(), "label"));
     }
     text
+}
+
+/// What the rows of labels state; with `all`, also the meaning of their errors.
+fn label_heads(labels: &[LabelFigures], all: bool) -> String {
+    let name = if labels.iter().any(|label| !label.name.is_empty()) { "name, " } else { "" };
+    let heads = format!("{name}colour, voxels, volume");
+    if labels.iter().all(|label| label.area_mm2.is_none()) {
+        return heads;
+    }
+    let error = "the true value lies within ± in 19 of 20 cases";
+    let of_volume =
+        "of volumes, a quarter of a voxel times the surface: exported meshes stay within that, too";
+    if all {
+        format!("{heads}, surface; {error} ({of_volume})")
+    } else {
+        format!("{heads}, surface; {error}")
+    }
 }
 
 /// A label, for people.

@@ -57,7 +57,7 @@ pub(super) fn page(report: &Report) -> String {
     }
     let _ = writeln!(
         html,
-        "<details id=\"how\"><summary>How it was measured</summary><p>Every choice was tried with everything else left alike. Errors are the same on every run and machine. Times are medians of {RUNS} runs on the machine below; the spread says how much longer the slowest run took than the fastest, and (!) marks a spread above {UNEVEN_PERCENT} %. Wrong pixels are a part of those that show the body, so that more than 100 % can be wrong. Filled dots and bold names are defaults; dashed lines join what nothing else beats in both cost and error, and those rows are tinted.</p>\
+        "<details id=\"how\"><summary>How it was measured</summary><p>Every choice was tried with everything else left alike. Errors are the same on every run and machine. Times are medians of {RUNS} runs on the machine below; the spread says how much longer the slowest run took than the fastest, and (!) marks a spread above {UNEVEN_PERCENT} %. k, M and G stand for thousands, millions and thousand millions. Wrong pixels are a part of those that show the body, so that more than 100 % can be wrong. Filled dots and bold names are defaults; dashed lines join what nothing else beats in both cost and error, and those rows are tinted.</p>\
          <dl><dt>command</dt><dd><code>{}</code></dd><dt>program</dt><dd>infobyte {}, traversal by {}</dd><dt>measured</dt><dd>{} UTC, in {:.1} s</dd><dt>machine</dt><dd>{}, {} cores, {memory}, {}</dd></dl></details>",
         escaped(&report.command),
         escaped(&m.version),

@@ -12,7 +12,7 @@ pub(super) fn tables(report: &Report) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "`{}`, infobyte {}, {} UTC, {}, {} cores.",
+        "`{}`, infobyte {}, {} UTC, {}, {} cores. k, M and G stand for thousands, millions and thousand millions.",
         report.command, m.version, m.measured, m.processor, m.cores
     );
     for experiment in &report.experiments {
