@@ -366,8 +366,7 @@ impl Front<'_> {
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
             let mesh = base_name(path);
-            let note = |lack: &String| MeshNote { mesh: mesh.clone(), lack: lack.clone() };
-            file.summary.lacks.iter().map(note).collect::<Vec<_>>()
+            file.lacks().map(|lack| MeshNote { mesh: mesh.clone(), lack }).collect::<Vec<_>>()
         };
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
         let colored = files.iter().any(|file| file.summary.looks[0]);

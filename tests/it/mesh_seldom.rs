@@ -46,6 +46,14 @@ fn seldom_forms_give_the_same_model() {
         let noted = notes.iter().any(|note| note.contains("bytes behind the"));
         assert!(made == expected && noted == (more >= 50), "{more}: {notes:?}");
     }
+    let (little, seldom) = ("binary_little_endian", seldom_ply(&body, "binary_big_endian", 2));
+    for (ply, most) in [(body.ply(little), 15), (seldom, 13), (seldom_ply(&body, little, 1), usize::MAX)] {
+        for more in [0, 1, 12, 13, 14, 15, 1000] {
+            let (made, notes) = build(folder.path(), "a.ply", &[&ply[..], &vec![7; more]].concat()).unwrap();
+            let noted = notes.iter().any(|note| note.contains("has more behind the"));
+            assert!(made == expected && noted == (more >= most), "{more}: {notes:?}");
+        }
+    }
     fs::write(folder.path().join("m.mtl"), "newmtl a\nKd 1 0 0\n").unwrap();
     for (name, text, words) in [
         ("a.off", format!("{}\n3 0 1 2\n", off.trim_end()), "has more behind the"),

@@ -259,6 +259,12 @@ impl MeshFile {
         Ok((kind, Summary::default()))
     }
 
+    /// Parts of the file that are left out; all are known once the triangles have been read.
+    pub(super) fn lacks(&self) -> impl Iterator<Item = String> {
+        let late = if let Kind::Ply(ply) = &self.kind { ply.lack() } else { None };
+        self.summary.lacks.iter().cloned().chain(late)
+    }
+
     /// Number of parts, at least one.
     pub(super) fn parts(&self) -> u64 {
         self.summary.parts.max(1)

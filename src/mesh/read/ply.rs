@@ -2,6 +2,8 @@
 //!
 //! Colours are taken from vertices; where these have none, from faces.
 
+use std::sync::OnceLock;
+
 use super::Limits;
 use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
@@ -40,6 +42,10 @@ pub(super) struct Binary {
     /// Factor that brings colours of faces to 0 to 1, where vertices have none.
     face_colors: Option<f64>,
     file: PositionalFile,
+    /// Length of the file, if the faces are its last element.
+    ends: Option<u64>,
+    /// True if more than a triangle takes follows the last face; known once the faces have been read.
+    has_more: OnceLock<bool>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,8 +133,18 @@ impl Element {
 
     /// Fewest bytes of an element.
     fn least(&self) -> u64 {
-        self.properties.iter().map(|p| p.length.unwrap_or(p.value).bytes()).sum()
+        least(&self.properties)
     }
+}
+
+fn least(properties: &[Property]) -> u64 {
+    properties.iter().map(|p| p.length.unwrap_or(p.value).bytes()).sum()
+}
+
+/// True if as many bytes as a triangle takes follow a place in a file.
+fn holds_more(properties: &[Property], bytes: u64, at: u64) -> bool {
+    let corners = properties.iter().find(|p| p.is_corners()).map_or(0, |p| 3 * p.value.bytes());
+    bytes.saturating_sub(at) >= least(properties) + corners
 }
 
 fn number(word: &[u8]) -> Option<Number> {
@@ -323,6 +339,12 @@ impl Ply {
         Ok((open, lacks))
     }
 
+    /// The note on what follows the last face of a binary file; known once the faces have been read.
+    pub(super) fn lack(&self) -> Option<String> {
+        let Self::Binary(binary) = self else { return None };
+        binary.has_more.get().is_some_and(|has_more| *has_more).then(|| more_than(binary.faces))
+    }
+
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
         self.for_each_of(&|p| p, &mut |t, triangle| {
             finite(t, triangle)?;
@@ -422,6 +444,7 @@ impl Binary {
             fields(&elements[vertex].properties, COLOR).map(|at| Ok::<_, Stop>((of(at)?, color_scale(at))));
         let normals = fields(&elements[vertex].properties, NORMAL).map(of).transpose()?;
         let looks = VertexLooks { colors: colors.transpose()?, normals, ..VertexLooks::default() };
+        let ends = Some(bytes).filter(|_| face + 1 == elements.len());
         let Element { kind, count: faces, properties } = elements.swap_remove(face);
         let corners = properties.iter().position(Property::is_corners).ok_or_else(no_faces)?;
         let of_faces = looks.colors.is_none() && kind == Kind::Face;
@@ -436,6 +459,8 @@ impl Binary {
             corners,
             face_colors,
             file,
+            ends,
+            has_more: OnceLock::new(),
         })
     }
 
@@ -469,6 +494,8 @@ impl Binary {
                 each(&t, triangles)
             })?;
         }
+        let has_more = self.ends.is_some_and(|bytes| holds_more(&self.properties, bytes, stream.offset()));
+        self.has_more.get_or_init(|| has_more);
         Ok(())
     }
 
@@ -750,9 +777,11 @@ fn write_out(
         }
     }
     // Behind the faces other elements may follow.
+    let is_last = vertex.max(face) + 1 == header.elements.len();
     let has_more = match &mut values {
-        Values::Text(words) if vertex.max(face) + 1 == header.elements.len() => words.has_more()?,
-        _ => false,
+        _ if !is_last => false,
+        Values::Text(words) => words.has_more()?,
+        Values::Binary(stream, _) => holds_more(&header.elements[face].properties, bytes, stream.offset()),
     };
     let faces = Faces::of(vertices, triangles, written([colors, normals, of_triangles])?)?;
     faces.cut(polygons, None)?;
