@@ -8,7 +8,7 @@ use super::flat::{self, Flat, Make};
 use super::leaf::{self, BINNED, Leaf};
 use super::place::LatticeGrid;
 use super::program;
-use super::read::{too_small, unusable};
+use super::read::{read_tree, too_small, unusable};
 use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
@@ -35,6 +35,20 @@ const MAX_BINNED: usize = 8;
 /// True if a leaf lies where its file says.
 fn is_unmoved(affine: &Affine) -> bool {
     *affine == Affine::from_spacing([1.0; 3])
+}
+
+/// Files of the volumes that lie where these say; none of a tree that cannot be read.
+pub(crate) fn unmoved_volumes(path: &Path, memory: MemoryCap) -> Vec<PathBuf> {
+    let (mut found, most_bytes) = (Vec::new(), Budget::of_job(memory).left_bytes());
+    if let Ok((tree, root)) = read_tree(path, memory) {
+        let _ = Flat::new((&tree, root), Affine::from_spacing([1.0; 3]), most_bytes, &mut |met| {
+            if let (Some(Shape::Volume { path, .. }), true) = (met.shape, is_unmoved(met.affine)) {
+                found.push(path.clone());
+            }
+            Ok(((), 0))
+        });
+    }
+    found
 }
 
 /// The grid of a tree, true if it is a volume's, the number of meshes, and the volumes that are moved, by the number of

@@ -47,6 +47,7 @@ mod tree;
 mod wide;
 
 pub use findings::CsgFacts;
+pub(crate) use front::unmoved_volumes;
 pub(crate) use read::{check_links, is_tree, memory_bound, named_files};
 pub use read::{parse_tree, read_tree};
 pub use tree::{Faces, NodeId, Operation, Shape, Tree};

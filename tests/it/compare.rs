@@ -295,6 +295,13 @@ fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     for nominal in [&tilted, &lean] {
         refused(&[&cut, nominal], 3, &[&nominal[nominal.len() - 5..], "right angles", "resample"]);
     }
+    let tree = |name: &str, place: &str| {
+        fs::write(stage.at(name), format!("{place}volume(\"w.nrrd\", iso = 1);\n")).unwrap();
+        stage.at(name)
+    };
+    refused(&[&cut, &tree("lean.csg", "")], 3, &["w.nrrd", "right angles", "resample"]);
+    // A volume that is moved lies on the tree's own grid.
+    refused(&[&cut, &tree("moved.csg", "translate([1, 0, 0]) ")], 3, &["v.nrrd", "bytes"]);
     refused(&[&fine, &fine, "--place", "2,0,0,0,0,2,0,0,0,0,2,0"], 2, &["scales"]);
     refused(&[&fine, &fine, "-o", &fine], 2, &["a.oct"]);
     // As the nominal, larger leaves are measured within their bound.
@@ -328,4 +335,33 @@ fn the_library_finds_nearest_points_of_many() {
     }
     assert!(model.nearest(&[[f64::NAN; 3]]).unwrap_err().to_string().contains("point 0"));
     assert!(model.nearest(&[]).unwrap().cell.is_empty());
+}
+
+/// A mesh that is built for a comparison has the notes of `oct build` on what is too thin for its voxels.
+#[test]
+fn what_is_thinner_than_the_voxels_of_a_mesh_is_noted() {
+    let stage = Stage::new();
+    let [(_, ball), ..] = Solid::all(f64::from(N));
+    let fine = stage.model("a.oct", PLAIN, |p| ball.distance(p));
+    let faces = [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]];
+    let mut obj = String::new();
+    for (number, [from, to]) in
+        [[[5.0; 3], [20.0; 3]], [[30.2, 6.0, 6.0], [30.2001, 19.0, 19.0]]].iter().enumerate()
+    {
+        obj += &format!("o part{number}\n");
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { to[a] } else { from[a] });
+            obj += &format!("v {x} {y} {z}\n");
+        }
+        for face in faces {
+            let [a, b, c, d] = face.map(|corner: usize| corner + 8 * number);
+            obj += &format!("f {a} {b} {c} {d}\n");
+        }
+    }
+    fs::write(stage.at("n.obj"), obj).unwrap();
+    let note = "n.obj has 2 parts, of which 1 is thinner than a voxel and not in the model";
+    let args = ["compare", &fine, &stage.at("n.obj"), "--radius", "20"];
+    let told = oct(&args).stdout;
+    let report = oct(&[&args[..], &["--json"]].concat()).stdout;
+    assert!(told.contains(note) && report.contains(note), "{told}\n{report}");
 }

@@ -9,6 +9,7 @@ use super::super::verify::verify_unless_packed;
 use super::*;
 use crate::budget::Budget;
 use crate::clean::CleanOptions;
+use crate::csg::unmoved_volumes;
 use crate::format::MAGIC;
 use crate::measure::nearest::Space;
 use crate::mesh::GridChoice;
@@ -28,24 +29,30 @@ pub(super) struct Input {
     _folder: Option<tempfile::TempDir>,
 }
 
-/// Refuses a model or a volume whose axes are unfit, before anything is built. Faults in opening one are left to
-/// [`Input::open`].
+/// Refuses a model, a volume or the volumes of a tree whose axes are unfit, before anything is built. Faults in opening
+/// one are left to [`Input::open`].
 pub(super) fn refuse_unfit(path: &Path, request: &CompareRequest) -> Result<(), Error> {
+    let refuse = |path: &Path, affine: &Affine| -> Result<(), Error> {
+        Space::new(affine).map(drop).map_err(|fault| fault.at(path).into())
+    };
+    if is_model(path) {
+        return Model::map(path).map_or(Ok(()), |model| refuse(path, &model.affine()));
+    }
     let inputs = [path.to_path_buf()];
-    let affine = if is_model(path) {
-        Model::map(path).ok().map(|model| model.affine())
-    } else if SubjectKind::of(&inputs) == SubjectKind::Volume {
+    let volumes = match SubjectKind::of(&inputs) {
+        SubjectKind::Volume => inputs.to_vec(),
+        SubjectKind::Tree => unmoved_volumes(path, request.memory),
+        SubjectKind::Mesh => Vec::new(),
+    };
+    volumes.iter().try_for_each(|volume| {
         let opening_bytes = Some(Budget::of(request.memory).left_bytes());
         let how = OpenOptions { opening_bytes, ..OpenOptions::default() };
-        match Subject::open_as(SubjectKind::Volume, &inputs, &how, &std::env::temp_dir()) {
-            Ok(Subject::Volume(volume)) => Some(volume.info().affine),
-            _ => None,
+        let one = std::slice::from_ref(volume);
+        match Subject::open_as(SubjectKind::Volume, one, &how, &std::env::temp_dir()) {
+            Ok(Subject::Volume(source)) => refuse(volume, &source.info().affine),
+            _ => Ok(()),
         }
-    } else {
-        None
-    };
-    let fault = affine.and_then(|affine| Space::new(&affine).err());
-    fault.map_or(Ok(()), |fault| Err(fault.at(path).into()))
+    })
 }
 
 impl Input {
