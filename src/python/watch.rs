@@ -48,7 +48,8 @@ impl Progress for State {
     }
 }
 
-/// Runs a job; an exception of `progress(stage, done, total)` or of a signal's handler stops it and is raised.
+/// Runs a job; an exception of `progress(stage, done, total)` or of a signal's handler stops it and is raised. Where no
+/// thread can be started, the job runs on the caller's, without either.
 pub(super) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -58,13 +59,17 @@ pub(super) fn watched<T: Send>(
     let woken = Mutex::new(woken);
     let state =
         State { stage: Mutex::default(), done: AtomicU64::new(0), stopped: AtomicBool::new(false), wake };
+    let job = Mutex::new(Some(job));
+    let run = || {
+        let job = job.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let result = job.map_or(Err(Error::Internal), |job| job(&state));
+        let _ = state.wake.send(true);
+        result
+    };
     let (result, stopped_by) = thread::scope(|scope| {
-        let state = &state;
-        let worker = scope.spawn(move || {
-            let result = job(state);
-            let _ = state.wake.send(true);
-            result
-        });
+        let Ok(worker) = thread::Builder::new().spawn_scoped(scope, &run) else {
+            return (Ok(py.detach(&run)), None);
+        };
         let mut stopped_by: Option<PyErr> = None;
         let mut told = ("", 0, 0);
         loop {
