@@ -401,7 +401,9 @@ pub(super) fn smooth(text: &str) -> Result<f64, String> {
 /// A number of triangles.
 pub(super) fn triangles(text: &str) -> Result<u64, String> {
     let count = text.parse().ok().filter(|count| *count > 0);
-    count.ok_or_else(|| format!("'{text}' is not a number of triangles; give 1 or more"))
+    count.ok_or_else(|| {
+        format!("'{text}' is not a number of triangles; give 1 or more in digits, such as 50000")
+    })
 }
 
 pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
