@@ -254,21 +254,17 @@ fn what_it_is(frame: &Frame) -> String {
     text
 }
 
-/// What the rows of labels state; with `all`, also the meaning of their errors.
+/// Heads of the rows of labels; with `all`, also the meaning of their errors.
 fn label_heads(labels: &[LabelFigures], all: bool) -> String {
     let name = if labels.iter().any(|label| !label.name.is_empty()) { "name, " } else { "" };
     let heads = format!("{name}colour, voxels, volume");
     if labels.iter().all(|label| label.area_mm2.is_none()) {
         return heads;
     }
-    let error = "the true value lies within ± in 19 of 20 cases";
-    let of_volume =
-        "of volumes, a quarter of a voxel times the surface: exported meshes stay within that, too";
-    if all {
-        format!("{heads}, surface; {error} ({of_volume})")
-    } else {
-        format!("{heads}, surface; {error}")
-    }
+    let of_volumes =
+        " (of volumes, a quarter of a voxel times the surface: exported meshes stay within that, too)";
+    let more = if all { of_volumes } else { "" };
+    format!("{heads}, surface; the true value lies within ± in 19 of 20 cases{more}")
 }
 
 /// A label, for people.

@@ -1,8 +1,8 @@
 //! Fewer triangles of labels: each label is reduced by itself, within the same distance as all others.
 //!
-//! The triangles of a surface that is made as good as it can be are inverse to its distance from the fine one, so that
-//! their product ranks labels: a number of triangles is shared out by it. A first round, by the fine triangles, measures
-//! it.
+//! A good surface of n triangles lies about c / n from the fine one. The first round, with shares by the fine triangles,
+//! measures c for each label. Later rounds share the triangles out in proportion to it, so that all labels have about the
+//! same distance.
 
 use std::io;
 use std::path::Path;
@@ -14,10 +14,10 @@ use crate::export::{ExportStop, Exported, Exporter};
 use crate::progress::Progress;
 use crate::scratch;
 
-/// Rounds in which a number of triangles is shared out to labels.
+/// Rounds of sharing out a number of triangles; the one with the least distance counts.
 const ROUNDS: usize = 3;
 
-/// Least distance in voxels by which triangles count: flat surfaces have none.
+/// Distance in voxels that stands for a smaller one: flat labels have none.
 const LEAST_APART: f64 = 0.01;
 
 impl Exporter<'_> {
