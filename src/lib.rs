@@ -157,6 +157,7 @@ mod measure;
 #[path = "../tests/it/common/memory_tree.rs"]
 mod memory_tree;
 pub mod mesh;
+mod order;
 mod page;
 mod platform;
 pub mod progress;

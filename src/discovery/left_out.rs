@@ -143,7 +143,7 @@ impl LeftOutFiles {
 
     /// Kinds by the number of their files, then in natural order of the first ones.
     pub(super) fn sort(&mut self) {
-        self.kinds.sort_by(|a, b| {
+        crate::order::by(&mut self.kinds, |a, b| {
             let bytes = |l: &'_ LeftOut| l.first.clone().into_os_string();
             b.count.cmp(&a.count).then_with(|| natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes()))
         });
@@ -172,7 +172,7 @@ impl LeftOutFiles {
         }
         let mut files = self.all().collect::<Result<Vec<_>, _>>()?;
         let bytes = |path: &PathBuf| path.clone().into_os_string();
-        files.sort_by(|a, b| natural_cmp(bytes(&a.1).as_bytes(), bytes(&b.1).as_bytes()));
+        crate::order::by(&mut files, |a, b| natural_cmp(bytes(&a.1).as_bytes(), bytes(&b.1).as_bytes()));
         files.iter().try_for_each(|(why, path)| each(why, path))
     }
 }

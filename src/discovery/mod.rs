@@ -173,7 +173,7 @@ impl Catalogue {
             let subject = finding.subject.and_then(|subject| subject.map_volume(noted));
             all.push(Finding { subject, more, ..finding });
         }
-        all.sort_by_key(|finding| finding.at);
+        crate::order::by_key(&mut all, |finding| finding.at);
         all
     }
 

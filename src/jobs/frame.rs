@@ -114,7 +114,7 @@ pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> Str
 /// Legend entries of the labels of a model, the largest first; `model` is its number among the models of the picture.
 pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Seen, Entry)> {
     let mut labels: Vec<&Label> = labels.collect();
-    labels.sort_by_key(|label| std::cmp::Reverse(label.voxels));
+    crate::order::by_key(&mut labels, |label| std::cmp::Reverse(label.voxels));
     let entry = |label: &Label| {
         let plain = format!("label {}", label.number);
         let name = if label.name.is_empty() { plain.clone() } else { shown(&label.name).to_string() };

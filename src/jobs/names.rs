@@ -73,7 +73,7 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
         let fault = usage!("gives label {number} a name of {bytes} bytes; shorten it to {MAX_NAME_BYTES}");
         return Err(SourceError::from(fault.at(path)).into());
     }
-    names.sort_by_key(|label| label.number);
+    crate::order::by_key(&mut names, |label| label.number);
     match names.windows(2).find(|pair| pair[0].number == pair[1].number) {
         Some([twice, _]) => {
             Err(usage!("names the label {} twice; name it once", twice.number).at(path).into())
@@ -84,7 +84,7 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
 
 /// The labels of `segmentAttributes`, which is a list of lists.
 fn of_json(text: &str, typed: bool) -> Option<Vec<LabelName>> {
-    let table: Value = serde_json::from_str(text).ok()?;
+    let table: Value = serde_json::from_slice(text.as_bytes()).ok()?;
     let mut all = Vec::new();
     for segment in table.get("segmentAttributes")?.as_array()?.iter().map(|list| list.as_array()) {
         for segment in segment? {

@@ -251,7 +251,7 @@ fn eigen(mut m: [[f64; 6]; 6]) -> [(f64, [f64; 6]); 6] {
         }
     }
     let mut all: [(f64, [f64; 6]); 6] = std::array::from_fn(|i| (m[i][i], vectors[i]));
-    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    crate::order::by(&mut all, |a, b| b.0.total_cmp(&a.0));
     all
 }
 

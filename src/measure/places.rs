@@ -79,7 +79,7 @@ impl Places {
             }
             all.push(place);
         }
-        all.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.number.cmp(&b.number)));
+        crate::order::by(&mut all, |a, b| b.rank.total_cmp(&a.rank).then(a.number.cmp(&b.number)));
         all
     }
 }

@@ -31,7 +31,7 @@ pub(super) fn size(py: Python<'_>, text: &str) -> PyResult<u64> {
 
 /// Reads options; the error is a sentence on the fault.
 pub(super) fn read<'a, T: Deserialize<'a>>(py: Python<'_>, json: &'a str) -> PyResult<T> {
-    serde_json::from_str(json).map_err(|error| {
+    serde_json::from_slice(json.as_bytes()).map_err(|error| {
         // The position in the text is useless to users, who did not write it.
         let said = error.to_string();
         usage(py, &format!("an option is wrong: {}", said.split(" at line ").next().unwrap_or(&said)))

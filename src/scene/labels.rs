@@ -104,7 +104,7 @@ impl<'a> Opacity<'a> {
     ) -> Result<Self, &'r LabelPick> {
         let numbers = table.iter().map(|label| label.number);
         let mut parts: Vec<_> = numbers.zip(parts(rules, table)?).filter(|(_, part)| *part < 1.0).collect();
-        parts.sort_by_key(|part| part.0);
+        crate::order::by_key(&mut parts, |part| part.0);
         let up_to = |most: f64| Hidden::of(parts.iter().filter(|part| part.1 <= most).map(|part| part.0));
         let (unseen, clear) = (up_to(0.0), up_to(1.0));
         let is_invisible = parts.iter().filter(|part| part.1 <= 0.0).count() == table.len();

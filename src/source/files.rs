@@ -66,7 +66,7 @@ impl FileList {
     /// Indices in natural order of the names.
     pub(crate) fn natural_order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.len()).collect();
-        order.sort_by(|a, b| {
+        crate::order::by(&mut order, |a, b| {
             natural_cmp(self.name(*a).as_os_str().as_bytes(), self.name(*b).as_os_str().as_bytes())
         });
         order

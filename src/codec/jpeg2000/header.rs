@@ -573,7 +573,7 @@ impl TileParts {
         }
         // Stable, so parts of a tile keep their order.
         allowance.reserve(parts.len() as u64 * size_of::<TilePart>() as u64)?;
-        parts.sort_by_key(|part| part.tile);
+        crate::order::by_key(&mut parts, |part| part.tile);
         allowance.release(parts.len() as u64 * size_of::<TilePart>() as u64);
         Ok(Self { parts })
     }

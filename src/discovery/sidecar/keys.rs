@@ -92,7 +92,7 @@ impl Numbers {
 impl Keys {
     /// Keys of a JSON object, or the error of the parser.
     pub(super) fn of_json(text: &str) -> Result<Self, String> {
-        serde_json::from_str(text).map_err(|e| e.to_string())
+        serde_json::from_slice(text.as_bytes()).map_err(|e| e.to_string())
     }
 
     /// Keys of a TOML text, as far as [`flat_toml`] reads it, or the reason why they cannot be parsed.
@@ -242,7 +242,7 @@ fn flat_toml(text: &str) -> Map<String, Value> {
             value.push_str(&plain(more));
         }
         let value = value.replace('\'', "\"").replace(" ]", "]").replace(",]", "]");
-        if let Ok(value) = serde_json::from_str(&value) {
+        if let Ok(value) = serde_json::from_slice(value.as_bytes()) {
             keys.insert(key.trim().trim_matches('"').to_owned(), value);
         }
     }

@@ -208,7 +208,7 @@ pub(in crate::export) fn reduce(
     }
     let (parts, count) = fine.parts();
     let mut spans: Vec<_> = (0_u32..).zip(fine.spans(&parts, count)).collect();
-    spans.sort_by(|(_, (a, _)), (_, (b, _))| b.total_cmp(a));
+    crate::order::by(&mut spans, |(_, (a, _)), (_, (b, _))| b.total_cmp(a));
     // Within a distance no part is left out.
     spans.truncate(if goal.error_mm.is_some() { count } else { (wanted / OF_PART).max(1) });
     let mut anchors = vec![None; count];

@@ -312,7 +312,7 @@ fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     {
         if let Some(least) = largest.last_mut().filter(|least| bytes > **least) {
             *least = bytes;
-            largest.sort_unstable_by(|a, b| b.cmp(a));
+            crate::order::by(&mut largest, |a, b| b.cmp(a));
         }
     }
     largest.first().copied().unwrap_or(0) + largest.iter().sum::<u64>() / 3

@@ -2,7 +2,7 @@
 //! the journal of this run, from which reports are written.
 
 use std::fs;
-use std::io::{self, BufReader, Read, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -207,7 +207,9 @@ impl Record {
     /// Reads the record of `name`; `None` if it is missing or unreadable.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
         let file = PositionalFile::open(&record_path(out, name)).ok()?;
-        serde_json::from_reader(BufReader::new(file.onwards(0).take(MAX_RECORD_BYTES))).ok()
+        let mut text = Vec::new();
+        file.onwards(0).take(MAX_RECORD_BYTES).read_to_end(&mut text).ok()?;
+        serde_json::from_slice(&text).ok()
     }
 
     /// Removes the record of `name` and leaves its files: while they are replaced, no record describes them.

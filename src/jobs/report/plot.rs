@@ -170,7 +170,7 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
     for (i, series) in series.iter().enumerate() {
         let colour = i % COLOURS;
         let mut front: Vec<&Point> = series.points.iter().filter(|p| p.on_front).collect();
-        front.sort_by(|a, b| a.x.total_cmp(&b.x));
+        crate::order::by(&mut front, |a, b| a.x.total_cmp(&b.x));
         if front.len() > 1 {
             let way: Vec<String> = front.iter().map(|p| format!("{:.1},{:.1}", x(p.x), y(p.y))).collect();
             let _ = write!(svg, "<polyline class=\"front c{colour}\" points=\"{}\"/>", way.join(" "));

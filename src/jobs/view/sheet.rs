@@ -82,7 +82,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<Entry>, Error> {
     if found.is_empty() {
         return Err(usage!("has no models; give a folder that holds files named .oct").at(folder).into());
     }
-    found.sort_by(|a, b| a.name.cmp(&b.name));
+    crate::order::by(&mut found, |a, b| a.name.cmp(&b.name));
     Ok(found)
 }
 

@@ -69,7 +69,7 @@ impl Segments {
     pub(super) fn labels(self) -> Vec<StatedLabel> {
         let mut labels: Vec<StatedLabel> =
             self.by_place.into_values().filter_map(|segment| Some(segment.label(segment.number?))).collect();
-        labels.sort_by_key(|label| label.number);
+        crate::order::by_key(&mut labels, |label| label.number);
         labels.dedup_by_key(|label| label.number);
         labels
     }
@@ -90,7 +90,7 @@ impl Segments {
             layered.push((segment.layer, value, number));
             labels.push(segment.label(number));
         }
-        labels.sort_by_key(|label| label.number);
+        crate::order::by_key(&mut labels, |label| label.number);
         layered.sort_unstable();
         (labels, layered)
     }

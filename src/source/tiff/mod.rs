@@ -109,7 +109,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
             refused.get_or_insert(error);
         }
     }
-    whole.sort_by_key(|volume| volume.files.first().copied());
+    crate::order::by_key(&mut whole, |volume| volume.files.first().copied());
     files.sort_unstable();
     if files.is_empty() {
         return whole;

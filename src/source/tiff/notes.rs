@@ -40,7 +40,7 @@ impl Notes {
             return Self::image_j(description, resolution);
         }
         if description.starts_with('{') {
-            match serde_json::from_str::<Value>(description) {
+            match serde_json::from_slice::<Value>(description.as_bytes()) {
                 Ok(shaped) if shaped.get("shape").is_some() => {
                     return Self::shaped(&shaped["shape"], &shaped, size);
                 }

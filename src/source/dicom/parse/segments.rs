@@ -28,7 +28,7 @@ pub(crate) fn segments<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> R
         true => read(&InflateReader::new(input, header.dataset)?, at, header.encoding)?,
         false => read(input, at, header.encoding)?,
     };
-    found.sort_by_key(|segment| segment.number);
+    crate::order::by_key(&mut found, |segment| segment.number);
     found.dedup_by_key(|segment| segment.number);
     Ok(found)
 }

@@ -52,7 +52,7 @@ pub(crate) fn assemble(
         directions(axes).ok_or(unfit!("the image orientation is not two perpendicular unit vectors"))?;
     let mut placed: Vec<(f64, [f64; 3], usize, &Slice)> =
         slices.iter().filter_map(|(i, s)| s.position().map(|p| (dot(p, normal), p, *i, *s))).collect();
-    placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+    crate::order::by(&mut placed, |a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     let (Some(first), Some(last)) = (placed.first(), placed.last()) else {
         return Err(unfit!("no image"));
     };

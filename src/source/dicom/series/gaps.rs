@@ -58,7 +58,7 @@ fn usual_gap(along: &[f64]) -> (f64, f64) {
 pub(crate) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     let mut order: Vec<usize> = (0..along.len()).collect();
     let at = |i: usize| along.get(i).copied().unwrap_or(0.0);
-    order.sort_by(|a, b| at(*a).total_cmp(&at(*b)));
+    crate::order::by(&mut order, |a, b| at(*a).total_cmp(&at(*b)));
     let sorted: Vec<f64> = order.iter().map(|i| at(*i)).collect();
     let (_, same) = usual_gap(&sorted);
     let mut numbers = vec![0; along.len()];
@@ -276,7 +276,7 @@ fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> Fault 
             None => kinds.push((*gap, 1, *gap)),
         }
     }
-    kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
+    crate::order::by(&mut kinds, |a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
     // Missing slices leave gaps of whole multiples of the usual one.
     let multiple = |gap: f64| (gap / usual).round();
     let whole =

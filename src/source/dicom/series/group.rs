@@ -421,7 +421,7 @@ impl Series {
         self.index = HashMap::new();
         // Image types are compared by their text, not by who came first.
         let mut order: Vec<u32> = (0..u32::try_from(self.image_types.len()).unwrap_or(0)).collect();
-        order.sort_by_key(|i| self.image_types.get(*i as usize));
+        crate::order::by_key(&mut order, |i| self.image_types.get(*i as usize));
         let mut rank = vec![0; order.len()];
         for (new, old) in order.iter().enumerate() {
             if let Some(slot) = rank.get_mut(*old as usize) {
@@ -446,7 +446,7 @@ impl Series {
         }
         self.duplicates.sort_unstable();
         self.groups.retain(|g| !g.slices.is_empty());
-        self.groups.sort_by_key(|g| {
+        crate::order::by_key(&mut self.groups, |g| {
             let first = g.slices.first().map(|s| (s.instance, s.identity, s.frame));
             (first, g.shared.size)
         });

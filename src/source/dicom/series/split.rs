@@ -244,7 +244,7 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     }
     let mut parts = vec![Vec::new(); turns];
     for images in at_place.values_mut() {
-        images.sort_by_key(order);
+        crate::order::by_key(images, order);
         // Two images without a distinguishing attribute have no order.
         if !images.is_sorted_by(|a, b| order(a) < order(b)) {
             return None;
@@ -265,13 +265,13 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
         let sequence: Vec<(usize, usize)> = ordered.iter().map(count).collect();
         if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) }
     };
-    ordered.sort_by_key(|(i, _)| order(i));
+    crate::order::by_key(&mut ordered, |(i, _)| order(i));
     if !is_sound(&ordered) {
         // Times since the beat of a heart differ from slice to slice: then the order of instances counts, if
         // times follow it at every position.
         let instance = |i: &usize| group.slices.get(*i).map(|s| (s.instance, s.frame, s.identity));
         let agrees = |images: &Vec<usize>| images.is_sorted_by_key(instance);
-        ordered.sort_by_key(|(i, _)| instance(i));
+        crate::order::by_key(&mut ordered, |(i, _)| instance(i));
         if !at_place.values().all(agrees) || !is_sound(&ordered) {
             return None;
         }
