@@ -161,9 +161,8 @@ impl<'a> Task<'a> {
         };
         let mut forward = Forward::new(&mut labelled).map_err(failed)?;
         forward.run()?;
-        let largest = forward.heap.into_iter().map(|Reverse(component)| component).collect();
-        labelled.census.largest = largest;
-        labelled.census.largest.sort_by(|a, b| b.cmp(a));
+        let largest = forward.heap.into_sorted_vec().into_iter().map(|Reverse(component)| component);
+        labelled.census.largest = largest.collect();
         Ok(labelled)
     }
 

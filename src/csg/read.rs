@@ -70,7 +70,7 @@ pub(crate) fn named_files(
         check_links(&tree, path)?;
     }
     let mut files: Vec<PathBuf> = tree.files().filter_map(file_of).cloned().collect();
-    files.sort_unstable();
+    crate::order::by(&mut files, Ord::cmp);
     files.dedup();
     Ok(files)
 }

@@ -300,7 +300,7 @@ impl Journal {
     /// Calls `work` with every item in the order of the catalogue, whatever order they were finished in.
     pub(super) fn for_each(&self, work: &mut dyn FnMut(Item) -> io::Result<()>) -> io::Result<()> {
         let (texts, places) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        places.sort_by_key(|place| place.order);
+        crate::order::by_key(places, |place| place.order);
         for place in places {
             let mut text = vec![0; place.len];
             texts.read_at(&mut text, place.offset)?;

@@ -25,10 +25,14 @@ impl Farthest {
         }
         self.cells.push((distance, row.number, row.cell));
         if self.cells.len() == 2 * MAX_CELLS {
-            self.cells.sort_unstable_by(|one, other| other.cmp(one));
-            self.cells.truncate(MAX_CELLS);
+            self.keep_farthest();
             self.least = self.cells.last().map_or(0, |cell| cell.0);
         }
+    }
+
+    fn keep_farthest(&mut self) {
+        self.cells.sort_unstable_by(|one, other| other.cmp(one));
+        self.cells.truncate(MAX_CELLS);
     }
 
     /// The greatest distance of the middles and the polygons' corners of these cells; infinite beyond the radius.
@@ -38,8 +42,7 @@ impl Farthest {
         one: &Measured<'_>,
         other: &Measured<'_>,
     ) -> Option<f64> {
-        self.cells.sort_unstable_by(|one, other| other.cmp(one));
-        self.cells.truncate(MAX_CELLS);
+        self.keep_farthest();
         let mut greatest = f64::from_bits(self.cells.first()?.0);
         let mut search = other.surface.search();
         let models = [one.model, other.model];

@@ -164,7 +164,7 @@ fn without_positions(
     let number = |s: &Slice| s.instance.map(|n| (n, s.frame));
     let mut numbered: Vec<((i32, u32), usize)> =
         slices.iter().filter_map(|(i, s)| number(s).map(|n| (n, *i))).collect();
-    numbered.sort_unstable();
+    crate::order::by(&mut numbered, Ord::cmp);
     let distinct = numbered.is_sorted_by(|a, b| a.0 < b.0) && numbered.len() == slices.len();
     let frames = slices.iter().all(|(_, s)| Some(s.file) == slices.first().map(|(_, s)| s.file));
     let order: Vec<usize> = match slices {
@@ -172,7 +172,7 @@ fn without_positions(
         _ if distinct => numbered.iter().map(|(_, i)| *i).collect(),
         _ if frames => {
             let mut order: Vec<(u32, usize)> = slices.iter().map(|(i, s)| (s.frame, *i)).collect();
-            order.sort_unstable();
+            crate::order::by(&mut order, Ord::cmp);
             order.into_iter().map(|(_, i)| i).collect()
         }
         _ => {

@@ -428,7 +428,7 @@ impl Series {
                 *slot = u32::try_from(new).unwrap_or(u32::MAX);
             }
         }
-        self.image_types.sort();
+        crate::order::by(&mut self.image_types, Ord::cmp);
         for group in &mut self.groups {
             for slice in &mut group.slices {
                 slice.image_type = rank.get(slice.image_type as usize).copied().unwrap_or(u32::MAX);
