@@ -63,50 +63,52 @@ impl Jet {
     }
 }
 
-/// Filter along an axis.
-#[derive(Clone, Copy)]
-enum Along {
-    Smooth,
-    Derive,
-    Bend,
-}
+/// Filters along an axis: smooth, first and second derivative.
+const SMOOTH: [f32; TAPS] = [1.0, NEAR as f32, NEAR as f32, 1.0];
+const FIRST: [f32; TAPS] = [-DERIVE[1] as f32, -DERIVE[0] as f32, DERIVE[0] as f32, DERIVE[1] as f32];
+const SECOND: [f32; TAPS] = [1.0, -1.0, -1.0, 1.0];
 
-impl Along {
-    fn tap(self, i: usize) -> f32 {
-        let near = i == 1 || i == 2;
-        match (self, near) {
-            (Self::Smooth, true) => f32::from(NEAR),
-            (Self::Smooth, false) | (Self::Bend, false) => 1.0,
-            (Self::Derive, true) => f32::from(DERIVE[0]) * if i == 1 { -1.0 } else { 1.0 },
-            (Self::Derive, false) => f32::from(DERIVE[1]) * if i == 0 { -1.0 } else { 1.0 },
-            (Self::Bend, true) => -1.0,
+/// Filters along x, y, z of the sums in a jet: gradient, pure and mixed second derivatives. The rest fills registers.
+const SUMS: [[[f32; TAPS]; 3]; 12] = [
+    [FIRST, SMOOTH, SMOOTH],
+    [SMOOTH, FIRST, SMOOTH],
+    [SMOOTH, SMOOTH, FIRST],
+    [SECOND, SMOOTH, SMOOTH],
+    [SMOOTH, SECOND, SMOOTH],
+    [SMOOTH, SMOOTH, SECOND],
+    [FIRST, FIRST, SMOOTH],
+    [FIRST, SMOOTH, FIRST],
+    [SMOOTH, FIRST, FIRST],
+    [[0.0; TAPS]; 3],
+    [[0.0; TAPS]; 3],
+    [[0.0; TAPS]; 3],
+];
+
+/// Weights of a sample in [`SUMS`], samples in the order of x, y, z.
+static WEIGHTS: [[f32; SUMS.len()]; TAPS.pow(3)] = {
+    let mut weights = [[0.0; SUMS.len()]; TAPS.pow(3)];
+    let mut at = 0;
+    while at < weights.len() {
+        let mut sum = 0;
+        while sum < SUMS.len() {
+            let [x, y, z] = SUMS[sum];
+            weights[at][sum] = x[at % TAPS] * y[at / TAPS % TAPS] * z[at / TAPS / TAPS];
+            sum += 1;
         }
+        at += 1;
     }
-}
+    weights
+};
 
 /// The jet of 4 x 4 x 4 depths, given by x, y, z, for cells at the border of the volume.
 pub(super) fn jet_of(depth: impl Fn([usize; 3]) -> f32) -> Jet {
-    let sum = |along: [Along; 3]| {
-        let mut sum = 0.0;
-        for z in 0..TAPS {
-            for y in 0..TAPS {
-                for x in 0..TAPS {
-                    let weight = along[0].tap(x) * along[1].tap(y) * along[2].tap(z);
-                    sum += weight * depth([x, y, z]);
-                }
-            }
+    let mut sums = [0.0; SUMS.len()];
+    for (at, weights) in WEIGHTS.iter().enumerate() {
+        let depth = depth([at % TAPS, at / TAPS % TAPS, at / TAPS / TAPS]);
+        for (sum, weight) in sums.iter_mut().zip(weights) {
+            *sum += weight * depth;
         }
-        sum
-    };
-    let with = |axes: &[(usize, Along)]| {
-        let mut along = [Along::Smooth; 3];
-        axes.iter().for_each(|(axis, how)| along[*axis] = *how);
-        sum(along)
-    };
-    let mixed = |a: usize, b: usize| with(&[(a, Along::Derive), (b, Along::Derive)]) * MIXED;
-    let pure = |a: usize| with(&[(a, Along::Bend)]) * PURE;
-    Jet {
-        gradient: [0, 1, 2].map(|a| with(&[(a, Along::Derive)])),
-        second: [pure(0), pure(1), pure(2), mixed(0, 1), mixed(0, 2), mixed(1, 2)],
     }
+    let [x, y, z, xx, yy, zz, xy, xz, yz, ..] = sums;
+    Jet { gradient: [x, y, z], second: [xx * PURE, yy * PURE, zz * PURE, xy * MIXED, xz * MIXED, yz * MIXED] }
 }

@@ -218,25 +218,26 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
     /// Depths of the samples around a cell; beyond the volume a sample is as deep outside as the nearest one is inside.
     fn field_of(&self, cell: [u32; 3]) -> Field {
         let (f, form, dims) = (&self.slices.frame, self.slices.form, self.slices.dims);
-        let (unit, low) = (form.unit, i64::from(AROUND_CELL.low));
+        // Samples to read along an axis, and true for those that exist.
+        let along = |a: usize, start: u32| -> [(usize, bool); EDGE] {
+            std::array::from_fn(|i| {
+                let place = i64::from(cell[a]) + i as i64 - i64::from(AROUND_CELL.low);
+                let read = place.clamp(0, i64::from(dims[a]) - 1);
+                ((read - i64::from(start)) as usize, place == read)
+            })
+        };
+        let (xs, ys, zs) = (along(0, f.cols.start), along(1, f.rows.start), along(2, 0));
         let mut field = Field::EMPTY;
-        for k in 0..EDGE as i64 {
-            let pz = i64::from(cell[2]) + k - low;
-            let qz = pz.clamp(0, i64::from(dims[2]) - 1);
-            let plane = self.slices.plane(qz as u32);
-            for j in 0..EDGE as i64 {
-                let py = i64::from(cell[1]) + j - low;
-                let qy = py.clamp(0, i64::from(dims[1]) - 1);
-                let row = (qy as usize - f.rows.start as usize) * f.stride;
-                for i in 0..EDGE as i64 {
-                    let px = i64::from(cell[0]) + i - low;
-                    let qx = px.clamp(0, i64::from(dims[0]) - 1);
-                    let sample = plane[row + (qx as usize - f.cols.start as usize)];
-                    let exists = (px, py, pz) == (qx, qy, qz);
-                    let depth = RingForm::depth_from(sample, self.level);
-                    let inside = exists && form.is_inside(sample);
-                    let depth = if exists { depth } else { -depth.abs() - unit };
-                    field.set([i as usize, j as usize, k as usize], depth, inside);
+        for (k, (z, is_slice)) in zs.into_iter().enumerate() {
+            let plane = self.slices.plane(z as u32);
+            for (j, (y, is_row)) in ys.into_iter().enumerate() {
+                let row = &plane[y * f.stride..];
+                for (i, (x, is_sample)) in xs.into_iter().enumerate() {
+                    let exists = is_slice && is_row && is_sample;
+                    let depth = RingForm::depth_from(row[x], self.level);
+                    let inside = exists && form.is_inside(row[x]);
+                    let depth = if exists { depth } else { -depth.abs() - form.unit };
+                    field.set([i, j, k], depth, inside);
                 }
             }
         }
