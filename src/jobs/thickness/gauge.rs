@@ -163,6 +163,7 @@ fn last_inside(value: impl Fn(f64) -> f64, mut inner: f64, mut outer: f64) -> f6
 }
 
 /// The trilinear interpolation of corners, at a place in the cell's own coordinates.
+#[inline]
 fn interpolated(corners: &[i8; CORNERS], u: [f64; 3]) -> f64 {
     (0..CORNERS).zip(corners).fold(0.0, |sum, (corner, value)| {
         let weight = |a: usize| if corner >> a & 1 == 1 { 1.0 + u[a] } else { 1.0 - u[a] };

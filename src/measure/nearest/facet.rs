@@ -125,6 +125,7 @@ impl Facet {
     }
 
     /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
+    #[inline]
     pub(crate) fn section(&self) -> (f64, [f64; 3]) {
         let (polygon, axes) = self.polygon();
         let (area, at) = polygon.area();
