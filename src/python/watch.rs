@@ -67,8 +67,8 @@ pub(super) fn watched<T: Send>(
         result
     };
     let (result, stopped_by) = thread::scope(|scope| {
-        let Ok(worker) = thread::Builder::new().spawn_scoped(scope, &run) else {
-            return (Ok(py.detach(&run)), None);
+        let Ok(worker) = thread::Builder::new().spawn_scoped(scope, run) else {
+            return (Ok(py.detach(run)), None);
         };
         let mut stopped_by: Option<PyErr> = None;
         let mut told = ("", 0, 0);

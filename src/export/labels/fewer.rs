@@ -67,7 +67,7 @@ fn shared(count: u64, weights: &[f64], most: &[u64]) -> Vec<u64> {
     let mut order: Vec<usize> = (0..weights.len()).collect();
     let fills = |at: &usize| to_f64(most[*at]) / weights[*at];
     // A share that is full leaves more to those after it.
-    order.sort_by(|a, b| fills(a).total_cmp(&fills(b)));
+    crate::order::by(&mut order, |a, b| fills(a).total_cmp(&fills(b)));
     for at in order {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number")]
         let share = (to_f64(left) * (weights[at] / rest).min(1.0)) as u64;
