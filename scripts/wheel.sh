@@ -49,10 +49,11 @@ exec "$bin/python" -m ziglang $language -target x86_64-linux-gnu.2.28 "\$@"
 ZIG
         chmod +x "$work/zig$language"
     done
-    # Small: LLVM inlines less unless it is told to, and zstd leaves out the compressors of other levels than ours.
+    # Small: LLVM inlines less unless it is told to; zstd has no compressors of other levels than ours, and one decoder.
     export RUSTFLAGS="${RUSTFLAGS:-} -C llvm-args=--inline-threshold=100"
+    CFLAGS="${CFLAGS:-} -DDYNAMIC_BMI2=0 -DZSTD_FORCE_DECOMPRESS_SEQUENCES_SHORT"
     for strategy in DFAST GREEDY LAZY BTOPT BTULTRA; do
-        CFLAGS="${CFLAGS:-} -DZSTD_EXCLUDE_${strategy}_BLOCK_COMPRESSOR"
+        CFLAGS="$CFLAGS -DZSTD_EXCLUDE_${strategy}_BLOCK_COMPRESSOR"
     done
     export CFLAGS
     CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER=$work/zigcc CC_x86_64_unknown_linux_gnu=$work/zigcc \
