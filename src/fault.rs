@@ -28,7 +28,18 @@ macro_rules! unfit {
     ($($text:tt)*) => { $crate::fault::Fault::new($crate::fault::FaultKind::Unfit, format!($($text)*)) };
 }
 
-pub(crate) use {bad, unfit, usage};
+/// `From` of several types for one, each with its value.
+macro_rules! conversions {
+    ($to:ty { $($name:ident: $from:ty => $value:expr),+ $(,)? }) => {$(
+        impl From<$from> for $to {
+            fn from($name: $from) -> Self {
+                $value
+            }
+        }
+    )+};
+}
+
+pub(crate) use {bad, conversions, unfit, usage};
 
 /// Responsibility for a fault, as far as code branches on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

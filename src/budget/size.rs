@@ -38,7 +38,6 @@ pub struct Bytes(
 );
 
 impl fmt::Display for Bytes {
-    #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut value = self.0 as f64;
         let mut unit = "B";

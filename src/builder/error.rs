@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::parts::PartFault;
 use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::{ExitKind, opaque_error};
-use crate::fault::{Fault, unfit, usage};
+use crate::fault::{Fault, conversions, unfit, usage};
 use crate::format::{FormatError, Selection};
 use crate::progress::Stopped;
 use crate::text::names::{DTYPE, ISO, MEMORY, RANGE, ROI, SCRATCH, SURFACE, THREADS};
@@ -151,24 +151,17 @@ pub(crate) enum ScratchFault {
     TooManyBricks,
 }
 
-impl From<SourceError> for BuildError {
-    fn from(cause: SourceError) -> Self {
-        match cause.fault() {
+conversions!(BuildError {
+    cause: SourceError => match cause.fault() {
             SourceFault::Stopped => BuildFault::Stopped.into(),
             _ => BuildFault::Source(cause).into(),
-        }
-    }
-}
+        },
+    cause: FormatError => BuildFault::Format(cause).into(),
+});
 
 impl From<Stopped> for BuildError {
     fn from(_: Stopped) -> Self {
         BuildFault::Stopped.into()
-    }
-}
-
-impl From<FormatError> for BuildError {
-    fn from(cause: FormatError) -> Self {
-        BuildFault::Format(cause).into()
     }
 }
 

@@ -8,7 +8,7 @@ use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeSource};
 
 /// A value at an end of the range, and its number of samples.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct End {
     pub(super) value: f64,
     pub(super) count: u64,
@@ -27,7 +27,7 @@ impl End {
 }
 
 /// Counts of a pass that tell padding and labels from a mixture. Counting stops for a case that has become impossible.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Evidence {
     /// Set while the samples may still be labels, and while they may still hold padding.
     pub(super) may_be_map: bool,
@@ -198,22 +198,12 @@ impl Evidence {
         Self {
             may_be_map,
             may_be_padded: all_outside > 0,
-            parts: 0,
             all_outside,
-            outside: 0,
             least,
             most,
             first: f64::INFINITY,
-            alike: 0,
-            differ: 0,
-            jumps: 0,
             nearest: least,
-            rim: 0,
-            rim_zeros: 0,
-            steps: 0,
-            wide: 0,
-            pairs: Vec::new(),
-            is_crowded: false,
+            ..Self::default()
         }
     }
 
@@ -351,11 +341,7 @@ impl Evidence {
         for (at, w) in row.windows(2).enumerate().filter(|(_, w)| w[0] != w[1]).take(*left) {
             let before = at.checked_sub(1).map(|at| row[at]);
             let is_wide = before == Some(w[0]) && row.get(at + 2) == Some(&w[1]);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "whole, and not below 0"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "whole, and not below 0")]
             let [a, b] = [w[0], w[1]].map(|sample| sample.to_f64() as u64);
             let passed = last.filter(|(_, from)| (a > *from) == (b > a));
             let passed = passed.map(|(since, from)| ([a, b.max(from)], at - since));

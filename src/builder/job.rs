@@ -154,7 +154,6 @@ impl Job<'_> {
         let hidden_now = seen.as_ref().filter(|_| !self.options.joins());
         let mut totals = self.scan(solid, &forms, &plan, &scratch, hidden_now)?;
         seconds.scan = started.elapsed().as_secs_f64();
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         {
             seconds.read = totals.found.reading.as_secs_f64() / plan.threads as f64;
         }

@@ -42,12 +42,13 @@ use crate::progress::Progress;
 /// Link of a slot whose component is finished.
 const FINISHED: u32 = u32::MAX;
 /// Neighbourhood of voxels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 pub enum ComponentConnectivity {
     /// Voxels that share a face.
     #[serde(rename = "6")]
     Faces6,
     /// Voxels that share a face, an edge or a corner.
+    #[default]
     #[serde(rename = "26")]
     Corners26,
 }

@@ -90,7 +90,7 @@ impl FromStr for SizeLimit {
 }
 
 /// Operations on a volume before it is built; none by default.
-#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CleanOptions {
     /// Keep voxels with these indices along x, y, z only.
@@ -112,21 +112,6 @@ pub struct CleanOptions {
     pub drop_below: Option<SizeLimit>,
     /// Neighbourhood that connects the voxels of a component.
     pub connectivity: ComponentConnectivity,
-}
-
-impl Default for CleanOptions {
-    fn default() -> Self {
-        Self {
-            roi: None,
-            downsample: None,
-            preset: None,
-            close: 0,
-            fill_cavities: false,
-            keep_largest: None,
-            drop_below: None,
-            connectivity: ComponentConnectivity::Corners26,
-        }
-    }
 }
 
 /// Passes that cleaning adds to a build.
@@ -421,7 +406,6 @@ struct Rule {
 
 impl Rule {
     fn keeps(&self, component: Component) -> bool {
-        #[expect(clippy::cast_precision_loss, reason = "below 2^48: exact")]
         let voxels = component.voxels as f64;
         voxels >= self.least_voxels && self.last.is_none_or(|last| component >= last)
     }
@@ -562,7 +546,6 @@ impl<'a> CleanJob<'_, 'a> {
         let labelled = self.task(bits, false, self.clean.connectivity, (largest, &memory)).label()?;
         let largest = &labelled.census.largest;
         let most = largest.first().map_or(0, |c| c.voxels);
-        #[expect(clippy::cast_precision_loss, reason = "counts below 2^48 are exact; more drops everything")]
         let least_voxels = match self.clean.drop_below {
             Some(SizeLimit::Voxels(voxels)) => voxels as f64,
             Some(SizeLimit::PercentOfLargest(percent)) => percent / 100.0 * most as f64,

@@ -43,7 +43,6 @@ fn stacked(rings: &[Vec<[f64; 3]>]) -> Faces {
     faces
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a few thousand")]
 fn circle(radius: f64, z: f64, count: usize) -> Vec<[f64; 3]> {
     // Quarter turns are whole numbers, so that they meet neighbouring shapes exactly.
     let turn = |k: usize| match 4 * k {
@@ -71,7 +70,6 @@ pub(super) fn cylinder(z: [f64; 2], radii: [f64; 2], sides: usize) -> Faces {
 }
 
 /// A sphere with half as many rings as sides, the outer ones half a ring from the poles, as in OpenSCAD.
-#[expect(clippy::cast_precision_loss, reason = "a few thousand")]
 pub(super) fn sphere(radius: f64, sides: usize) -> Faces {
     let rings = sides.div_ceil(2);
     let ring = |at: usize| {

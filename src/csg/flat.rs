@@ -11,7 +11,7 @@ use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::builder::BuildError;
 use crate::csg::fault::{singular, too_many};
-use crate::fault::Fault;
+use crate::fault::{Fault, conversions};
 use crate::geom::Affine;
 use crate::volume::SourceError;
 
@@ -59,23 +59,11 @@ pub(super) enum Stop {
     Build(BuildError),
 }
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<BuildError> for Stop {
-    fn from(error: BuildError) -> Self {
-        Self::Build(error)
-    }
-}
-
-impl From<SourceError> for Stop {
-    fn from(error: SourceError) -> Self {
-        Self::Build(error.into())
-    }
-}
+conversions!(Stop {
+    fault: Fault => Self::Fault(fault),
+    error: BuildError => Self::Build(error),
+    error: SourceError => Self::Build(error.into()),
+});
 
 /// A tree of joins, each before its parts, and the made leaves in the order of visiting.
 #[derive(Debug)]

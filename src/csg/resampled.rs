@@ -11,12 +11,7 @@
 //! first.)
 //!
 //! Memory: [`CACHE_BYTES`] a thread, [`LAYING_BYTES`] while bricks are laid. Temporary disk: 5.7 bytes a sample.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    clippy::cast_sign_loss,
-    reason = "coordinates are below 2^17, weights below 2^37"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^17, weights below 2^37")]
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -283,7 +283,7 @@ impl ItemOpener<'_> {
         let format = mesh_format(self.path, self.first.size)?;
         let checked = mesh::check(self.path, self.of.options.follow_links);
         let subject = checked.map(|()| Subject::Mesh(vec![self.path.to_path_buf()]));
-        let finding = finding(self.path, format, self.id(format), self.one(), subject);
+        let finding = Finding::new(self.path, format, self.id(format), self.one(), subject);
         Ok(Finding { kind: "triangle mesh".into(), ..finding })
     }
 
@@ -306,7 +306,7 @@ impl ItemOpener<'_> {
             named.for_each(|path| each(path));
         });
         let subject = all_there.map(|_| Subject::Tree(self.path.to_path_buf()));
-        let finding = finding(self.path, "csg", id, files, subject);
+        let finding = Finding::new(self.path, "csg", id, files, subject);
         Finding { kind: "tree of solids".into(), ..finding }
     }
 }
@@ -336,30 +336,6 @@ pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
     SourceError::from(bad!("was changed while the folders were searched; start again").at(path))
 }
 
-/// A subject of one file or folder, without further facts.
-pub(super) fn finding(
-    path: &Path,
-    format: &'static str,
-    id: String,
-    files: InputFiles,
-    subject: Result<Subject>,
-) -> Finding {
-    let volume = subject.as_ref().ok().and_then(Subject::volume);
-    Finding {
-        path: path.to_path_buf(),
-        id,
-        format,
-        kind: format.into(),
-        part: None,
-        size: volume.map(|v| v.info().dims.to_array()),
-        files,
-        burned_in: None,
-        at: 0,
-        more: 0,
-        subject,
-    }
-}
-
 /// The volumes of one file or folder.
 fn findings(
     path: &Path,
@@ -375,10 +351,10 @@ fn findings(
     };
     let of = |(i, subject): (usize, Result<Subject>)| {
         if !several {
-            return finding(path, format, id.clone(), files, subject);
+            return Finding::new(path, format, id.clone(), files, subject);
         }
         let part = Some(format!("volume {}", i + 1));
-        Finding { part, ..finding(path, format, format!("{id}-{}", i + 1), files, subject) }
+        Finding { part, ..Finding::new(path, format, format!("{id}-{}", i + 1), files, subject) }
     };
     found.into_iter().enumerate().map(of).collect()
 }

@@ -42,7 +42,7 @@ use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
 use crate::text::names::ALL_VOLUMES;
 use crate::volume::{FileWatch, InfoOverride, Note, Result, SourceError, StatedBy, VolumeSource, place};
 use content::{hash_of, is_copy};
-use item::{Item, ItemKind, Name, changed_meanwhile, finding};
+use item::{Item, ItemKind, Name, changed_meanwhile};
 use left_out::LeftOutFiles;
 use log::Log;
 use order::{full_path, precedes, sort_or_stop};
@@ -186,7 +186,7 @@ impl Catalogue {
         let Some(item) = self.items.get(index) else { return Vec::new() };
         let refused = |(path, error): (PathBuf, SourceError)| {
             let id = name("unknown", &|each| each(&path));
-            vec![finding(&path, "unknown", id, InputFiles::default(), Err(error))]
+            vec![Finding::new(&path, "unknown", id, InputFiles::default(), Err(error))]
         };
         let before = self.stamp(item);
         let opened = self.open_item(item, name).unwrap_or_else(refused);

@@ -343,7 +343,6 @@ impl<'a> Mesher<'a> {
             *vertex = self.get(*corner);
         }
         let all = &all[..corners.len()];
-        #[expect(clippy::cast_precision_loss, reason = "five to eight")]
         let share = 1.0 / all.len() as f32;
         let middle = Vertex {
             at: [0, 1, 2].map(|a| all.iter().map(|v| v.at[a] * share).sum()),

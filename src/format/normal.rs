@@ -78,7 +78,6 @@ pub fn mean(sum: [i64; 3], first: u16) -> u16 {
     if sum == [0; 3] {
         return first;
     }
-    #[expect(clippy::cast_precision_loss, reason = "SPEC 4.6 rounds the sums to single precision")]
     encode(sum.map(|c| c as f32))
 }
 

@@ -124,11 +124,9 @@ impl ColorMap {
     pub(crate) fn color(self, part: f64) -> [u8; 3] {
         let stops: &[[u8; 3]] = if self == Self::Diverging { &DIVERGING } else { &SEQUENTIAL };
         let last = stops.len() - 1;
-        #[expect(clippy::cast_precision_loss, reason = "a few")]
         let at = part.clamp(0.0, 1.0) * last as f64;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let low = (at as usize).min(last - 1);
-        #[expect(clippy::cast_precision_loss, reason = "a few")]
         let part = at - low as f64;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let mixed = |c: usize| {

@@ -153,7 +153,6 @@ impl DemoSummary {
     pub fn text(&self) -> String {
         let r = &self.built.report;
         let raw = self.built.info.frame.metadata.source.bytes;
-        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let ratio = |a: u64, b: u64| a as f64 / b.max(1) as f64;
         let rows = [
             (

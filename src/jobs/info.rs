@@ -154,13 +154,11 @@ pub(super) fn dtype(frame: &Frame) -> &'static str {
     ScalarType::ALL.get(usize::from(frame.metadata.scalar)).map_or("unknown", |s| s.name())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
 pub(super) fn ratio(a: u64, b: u64) -> f64 {
     a as f64 / b.max(1) as f64
 }
 
 /// Bytes of the paper's uniform volume, of the dims and of the whole grid.
-#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
 fn paper_bytes(frame: &Frame) -> (f64, f64) {
     let grid = (1_u64 << frame.dims().depth()) as f64;
     (frame.dims().voxels() as f64 * PAPER_BYTES_PER_VOXEL, grid.powi(3) * PAPER_BYTES_PER_VOXEL)
@@ -411,7 +409,6 @@ fn extent_text([low, high]: [[f64; 3]; 2]) -> String {
     format!("{} mm (LPS)", sides.join(", "))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
 fn to_f64(bytes: u64) -> f64 {
     bytes.max(1) as f64
 }

@@ -165,7 +165,6 @@ fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<Bounds> {
     Some(Bounds { voxels: extent(view)?, box_mm })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts are below 2^48")]
 fn count(voxels: u64) -> f64 {
     voxels as f64
 }

@@ -267,7 +267,6 @@ fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts are below 2^48")]
 fn count(samples: u64) -> f64 {
     samples as f64
 }
@@ -317,7 +316,6 @@ impl Geometry {
         reach
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "sums are rounded once")]
     fn pore(&self, id: u64, component: &Component, is_labelled: bool) -> Pore {
         let samples = count(component.samples);
         let volume_mm3 = samples * self.voxel_mm3;

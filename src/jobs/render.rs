@@ -191,7 +191,6 @@ impl RenderReport {
         let mut sum = self;
         crate::render::add_counts!(sum, other: rays, hits, shadow_rays, mirrored_rays, refracted_rays, ambient_rays,
             setup_s, trace_s, shade_s, ambient_s, refined_pixels, wall_s, steps);
-        #[expect(clippy::cast_precision_loss, reason = "a rate")]
         let rays = sum.rays as f64;
         sum.rays_per_s = if sum.trace_s > 0.0 { rays / sum.trace_s } else { 0.0 };
         sum.max_steps = sum.max_steps.max(other.max_steps);
@@ -447,7 +446,6 @@ impl Prepared {
             ambient_s: counts.around.as_secs_f64(),
             refined_pixels: counts.refined,
             wall_s: wall.as_secs_f64(),
-            #[expect(clippy::cast_precision_loss, reason = "a rate")]
             rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
             steps: counts.steps,
             max_steps: counts.max_steps,

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use crate::fault::conversions;
 use crate::format::FormatError;
 use crate::load::LoadFault;
 use crate::platform::FileExt;
@@ -66,17 +67,10 @@ pub enum Fault {
     Format(FormatError),
 }
 
-impl From<io::Error> for Fault {
-    fn from(cause: io::Error) -> Self {
-        Self::Io(cause)
-    }
-}
-
-impl From<FormatError> for Fault {
-    fn from(cause: FormatError) -> Self {
-        Self::Format(cause)
-    }
-}
+conversions!(Fault {
+    cause: io::Error => Self::Io(cause),
+    cause: FormatError => Self::Format(cause),
+});
 
 impl Fault {
     /// Adds the file's name.

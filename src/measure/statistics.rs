@@ -12,7 +12,7 @@ const PARTS: f64 = 1_048_576.0;
 /// The distribution of a value over a surface.
 ///
 /// Memory: 512 KiB. Cost: nanoseconds a value.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Distribution {
     /// Width of a bin.
     bin: f64,
@@ -34,11 +34,9 @@ impl Distribution {
             bin: extent / (BINS - 1) as f64,
             scale: PARTS / (finest * finest),
             areas: vec![0; BINS],
-            total: 0,
-            sums: [0.0; 3],
-            count: 0,
             least: f64::INFINITY,
             most: f64::NEG_INFINITY,
+            ..Self::default()
         }
     }
 
@@ -75,8 +73,6 @@ impl Distribution {
     /// The magnitude that so much of the area does not exceed, 0 to 1.
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
         reason = "areas stay below 2^53 parts for all but the largest models"
     )]
     pub(crate) fn percentile(&self, part: f64) -> Option<f64> {

@@ -49,7 +49,6 @@ mod tests {
     use super::*;
 
     #[test]
-    #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     fn bounds_are_near_to_the_distance_and_hardly_beyond_it() {
         let mut state = 5_u32;
         let mut next = |n: u32| {

@@ -21,12 +21,7 @@
 //! | that for triangles of up to three voxels, too | 1.1 | |
 //! | what is done with each triangle near to a slice in one place, so that it is part of the loop; signs of differences instead of comparisons, choices by masks: all in lanes | | 1.8 (by a profile) |
 //! | large triangles: eight voxels at a time against one triangle | 0.8, but a sixth more for those of many voxels | |
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
-    reason = "cells and lanes are few, places are within a brick"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "cells and lanes are few, places are within a brick")]
 
 use super::bins::{Record, unpacked, ways};
 use super::bound::{LANES, at_least};

@@ -5,7 +5,6 @@
 //! neither the order of triangles nor memory nor threads change a cell.
 #![expect(
     clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
     reason = "coordinates are below 2^17 voxels, and places are known within 2^-16 voxel"
 )]
 

@@ -172,7 +172,6 @@ impl Facet {
         let normal =
             [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
         let along: i128 = (0..3).map(|k| normal[k] * (t[k] - p[k])).sum();
-        #[expect(clippy::cast_precision_loss, reason = "its sign and size are wanted")]
         let along = along as f64;
         along
     }

@@ -41,15 +41,12 @@ pub(crate) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut 
     let (mut e0, t0, s0) = edge(y1, z1, y2, z2);
     let (mut e1, t1, s1) = edge(y2, z2, y0, z0);
     let (mut e2, t2, s2) = edge(y0, z0, y1, z1);
-    #[expect(clippy::cast_precision_loss, reason = "the error is bounded")]
     let (fx0, fx1, fx2, scale) = (x0 as f64, x1 as f64, x2 as f64, 1.0 / (area as f64 * f64::from(STEPS)));
     for row in first..=last {
         if ((e0 + t0) | (e1 + t1) | (e2 + t2)) >= 0 {
-            #[expect(clippy::cast_precision_loss, reason = "the error is bounded")]
             let at = (e0 as f64 * fx0 + e1 as f64 * fx1 + e2 as f64 * fx2) * scale - 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^17 voxels")]
             let cut = at as i64;
-            #[expect(clippy::cast_precision_loss, reason = "below 2^17")]
             let rest = at - cut as f64;
             let column = if rest.abs() > SURE && rest.abs() < 1.0 - SURE {
                 cut + i64::from(rest > 0.0)

@@ -10,11 +10,7 @@
 //! are read, and its voxels are described by as many bricks at a time as fit; a brick that does not fit reads its
 //! blocks, too. So two workers, each with room for some thousand triangles, read bins a few times instead of once for
 //! every brick and slice.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "coordinates are below 2^16"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -166,7 +166,6 @@ impl Rays for Pixels<'_> {
         Layout::image(self.width)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "at most 32768 pixels a side")]
     fn of<'a>(&'a self, part: Range<usize>, room: &'a mut Room) -> (&'a [[f64; 3]], &'a [[f64; 3]]) {
         room.origins.clear();
         room.directions.clear();

@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::ray::BadRay;
 use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::{ExitKind, opaque_error};
-use crate::fault::Fault;
+use crate::fault::{Fault, conversions};
 use crate::load::LoadError;
 use crate::text::names::MEMORY;
 use crate::text::{shown, writing};
@@ -88,20 +88,8 @@ impl RenderError {
     }
 }
 
-impl From<Fault> for RenderError {
-    fn from(fault: Fault) -> Self {
-        RenderFault::Said(fault).into()
-    }
-}
-
-impl From<LoadError> for RenderError {
-    fn from(cause: LoadError) -> Self {
-        RenderFault::Model(cause).into()
-    }
-}
-
-impl From<BadRay> for RenderError {
-    fn from(fault: BadRay) -> Self {
-        RenderFault::Ray(fault).into()
-    }
-}
+conversions!(RenderError {
+    fault: Fault => RenderFault::Said(fault).into(),
+    cause: LoadError => RenderFault::Model(cause).into(),
+    fault: BadRay => RenderFault::Ray(fault).into(),
+});

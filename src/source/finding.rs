@@ -41,6 +41,32 @@ pub struct Finding {
     pub subject: Result<Subject>,
 }
 
+impl Finding {
+    /// A subject of one file or folder, without further facts.
+    pub(crate) fn new(
+        path: &Path,
+        format: &'static str,
+        id: String,
+        files: InputFiles,
+        subject: Result<Subject>,
+    ) -> Self {
+        let volume = subject.as_ref().ok().and_then(Subject::volume);
+        Self {
+            path: path.to_path_buf(),
+            id,
+            format,
+            kind: format.into(),
+            part: None,
+            size: volume.map(|v| v.info().dims.to_array()),
+            files,
+            burned_in: None,
+            at: 0,
+            more: 0,
+            subject,
+        }
+    }
+}
+
 impl fmt::Debug for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Finding")

@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
 }
 
 /// The fields of a header, as far as they matter.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Header {
     axes: usize,
     size: Vec<u64>,
@@ -86,28 +86,7 @@ impl Header {
     fn read(path: &Path, file: &PositionalFile) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
-        let mut header = Self {
-            axes: 0,
-            size: Vec::new(),
-            kind: String::new(),
-            big: false,
-            binary: true,
-            compressed: false,
-            channels: 1,
-            header_size: 0,
-            spacing: Vec::new(),
-            element_size: Vec::new(),
-            origin: Vec::new(),
-            matrix: Vec::new(),
-            unit: String::new(),
-            intensity: [None; 2],
-            kinds: Vec::new(),
-            is_sequence: false,
-            placed_one_by_one: false,
-            data: String::new(),
-            list: files_beside(path),
-            end: 0,
-        };
+        let mut header = Self { binary: true, channels: 1, list: files_beside(path), ..Self::default() };
         let mut once = Once::new(&ONCE);
         while let Some(line) = next(&mut lines)? {
             let line = text(&line);

@@ -215,11 +215,7 @@ impl Header {
             }
         };
         let offset = fields.f32(108);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "checked: 0 to 2^53, whole"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "checked: 0 to 2^53, whole")]
         let offset = (0.0..9e15).contains(&offset).then_some(offset as u64);
         let row = |at: usize| [0, 4, 8, 12].map(|i| fields.f32(at + i));
         Ok(Self {

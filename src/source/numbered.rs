@@ -250,7 +250,6 @@ impl Set {
         for (at, own) in steps.iter().enumerate() {
             let many = own / step;
             // Files in the order of their numbers are in natural order, as they have one number only. Exact below 2^53.
-            #[expect(clippy::cast_precision_loss, reason = "small counts")]
             places.extend((0..many).map(|k| (numbers[at].1, k as f64 / many as f64)));
         }
         places.extend(numbers.last().map(|(_, index)| (*index, 0.0)));

@@ -254,7 +254,6 @@ impl VolumeSource for SyntheticHead {
 }
 
 /// Position in mm of voxel `i`, exactly mirrored about the middle.
-#[expect(clippy::cast_precision_loss, reason = "odd numbers below 2^17 are exact")]
 fn position(i: u32, side: u32, voxel_mm: f32) -> f32 {
     (2 * i64::from(i) + 1 - i64::from(side)) as f32 * (0.5 * voxel_mm)
 }

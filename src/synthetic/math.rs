@@ -123,7 +123,6 @@ pub(super) fn noise(at: [u32; 3], seed: u64) -> f64 {
     let first = hash(at, seed);
     let words = [first, mix(first.wrapping_add(0x9e37_79b9_7f4a_7c15))];
     let sum: u64 = words.iter().flat_map(|w| (0..4).map(move |k| w >> (16 * k) & 0xffff)).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a sum of eight 16-bit numbers")]
     let sum = sum as f64;
     (sum - 4.0 * 65535.0) / DEVIATION
 }

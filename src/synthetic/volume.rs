@@ -121,7 +121,6 @@ impl AnalyticVolume {
             return f64::from(u8::from(self.distance_near([x, y, z], 0.0) <= 0.0));
         }
         let sum: f64 = self.heights.iter().map(|height| self.density_at([x, y, z + height])).sum();
-        #[expect(clippy::cast_precision_loss, reason = "at most 256")]
         let places = self.heights.len() as f64;
         sum / places
     }
@@ -168,11 +167,7 @@ impl VolumeSource for AnalyticVolume {
         &self.info
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "made to fit the sample's type"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "made to fit the sample's type")]
     fn read_rows(
         &self,
         z: u32,

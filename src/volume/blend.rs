@@ -79,11 +79,7 @@ macro_rules! number {
             fn to_f64(self) -> f64 {
                 self.into()
             }
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "the value lies between two samples of the type"
-            )]
+            #[allow(clippy::cast_possible_truncation, reason = "the value lies between two samples of the type")]
             fn nearest(value: f64) -> Self {
                 let round: fn(f64) -> f64 = $round;
                 round(value) as Self

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::budget::Bytes;
 use crate::exit::{ExitKind, opaque_error};
-use crate::fault::{Fault, FaultKind};
+use crate::fault::{Fault, FaultKind, conversions};
 use crate::progress::Stopped;
 use crate::text::names::{MEMORY, SCRATCH};
 use crate::text::{reading, shown, writing};
@@ -128,8 +128,4 @@ impl SourceError {
     }
 }
 
-impl From<Fault> for SourceError {
-    fn from(fault: Fault) -> Self {
-        SourceFault::Said(fault).into()
-    }
-}
+conversions!(SourceError { fault: Fault => SourceFault::Said(fault).into() });

@@ -99,7 +99,6 @@ impl Masks {
         };
         let mut info =
             VolumeInfo { dims, scalar: ScalarType::U16, rescale: Rescale::IDENTITY, ..first.clone() };
-        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
         let origin = first.affine.apply(low.map(|c| c as f64));
         for (row, at) in info.affine.rows.iter_mut().zip(origin) {
             row[3] = at;
@@ -268,9 +267,7 @@ fn range_on(first: &VolumeInfo, other: &VolumeInfo) -> Option<[Range<i64>; 3]> {
     let start = onto.apply([0.0; 3]).map(|c| c.round().clamp(-1e6, 1e6) as i64);
     let is_at = (0..8).all(|corner| {
         let of = |a: usize| if corner >> a & 1 == 1 { sides[a] } else { 0 };
-        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
         let at = onto.apply([0, 1, 2].map(|a| of(a) as f64));
-        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
         (0..3).all(|a| (at[a] - (start[a] + of(a)) as f64).abs() <= APART)
     });
     is_at.then(|| std::array::from_fn(|a| start[a]..start[a] + sides[a]))

@@ -195,7 +195,6 @@ fn parted_by(
         return None;
     }
     // The cell's own coordinates are in half voxels.
-    #[expect(clippy::cast_precision_loss, reason = "at most 127^2")]
     let length = ((n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) as f32).sqrt();
     #[expect(clippy::cast_possible_truncation, reason = "clamped below")]
     let even = 2 * (wall.along * length).round() as i32;

@@ -220,7 +220,6 @@ struct Sums {
 
 #[inline(always)]
 fn from_middle(at: usize) -> f32 {
-    #[expect(clippy::cast_precision_loss, reason = "0 to 7")]
     let at = at as f32;
     FIRST + at
 }
@@ -420,7 +419,6 @@ fn place(share: f32) -> f32 {
         let square = x * x;
         let (mut slope, mut sum) = (0.0, 0.0);
         for (k, term) in TERMS.iter().enumerate().rev() {
-            #[expect(clippy::cast_precision_loss, reason = "1 to 15")]
             let odd = (2 * k + 1) as f32;
             slope = slope * square + term;
             sum = sum * square + term / odd;

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::stage::Stage;
 use crate::exit::ExitKind;
-use crate::fault::Fault;
+use crate::fault::{Fault, conversions};
 use crate::platform::is_not_regular;
 use crate::text::names::{ISO, MERGE, PART, PLAN, RANGE, STAGE};
 
@@ -43,11 +43,7 @@ pub(crate) enum PartFault {
     Unreadable(#[source] io::Error),
 }
 
-impl From<Fault> for PartFault {
-    fn from(fault: Fault) -> Self {
-        Self::Said(fault)
-    }
-}
+conversions!(PartFault { fault: Fault => Self::Said(fault) });
 
 /// A list of numbers, and the count of those left out.
 fn list(first: &[u32], all: u32) -> String {

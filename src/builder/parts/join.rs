@@ -19,6 +19,7 @@ use crate::builder::layout::{Census, GroupCounts, Layout};
 use crate::builder::merge::{MergeQueue, Run, Target, parse_summary, summary_bytes_of};
 use crate::builder::walk::{BrickWalk, GROUP_BRICKS};
 use crate::builder::{StageSeconds, seal};
+use crate::fault::conversions;
 use crate::format::{SectionEntry, SectionKind, Sum, SurfaceKind};
 use crate::platform::PositionalFile;
 use crate::progress::Progress;
@@ -236,17 +237,10 @@ enum Stop {
     Build(BuildError),
 }
 
-impl From<PartFault> for Stop {
-    fn from(fault: PartFault) -> Self {
-        Self::Part(fault)
-    }
-}
-
-impl From<BuildError> for Stop {
-    fn from(error: BuildError) -> Self {
-        Self::Build(error)
-    }
-}
+conversions!(Stop {
+    fault: PartFault => Self::Part(fault),
+    error: BuildError => Self::Build(error),
+});
 
 /// The levels of the model, each extended at its end.
 struct Joiner<'a> {

@@ -1,10 +1,5 @@
 //! One pass over the occupancy along one of the eight ways of rays: up or down each axis.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
-    reason = "places are within the grid, below 2^17"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "places are within the grid, below 2^17")]
 
 use std::io;
 

@@ -182,7 +182,6 @@ pub(super) fn decode_component(
                     let whole = (value >> 1).cast_signed();
                     if negative { -whole } else { whole }
                 } else {
-                    #[expect(clippy::cast_precision_loss, reason = "the step is no more exact")]
                     let size = value as f32 * 0.5 * step;
                     wavelet::pattern(if negative { -size } else { size })
                 };

@@ -257,7 +257,6 @@ impl TileLayout {
             let step = if coding.reversible {
                 1.0
             } else {
-                #[expect(clippy::cast_precision_loss, reason = "eleven bits")]
                 let mantissa = 1.0 + mantissa as f32 / 2048.0;
                 let gain = u32::try_from(right + below).unwrap_or(0);
                 let range = i32::from(precision) + gain.cast_signed() - exponent.cast_signed();

@@ -303,7 +303,7 @@ pub(super) struct Progression {
 }
 
 /// Decoding parameters of the main header, or of a tile's headers.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Parameters {
     order: u8,
     pub(super) layers: u16,
@@ -344,17 +344,8 @@ impl Parameters {
             own_coding: false,
             own_steps: false,
         };
-        let mut parameters = Self {
-            order: 0,
-            layers: 1,
-            component_transform: false,
-            packet_starts: false,
-            header_ends: false,
-            coding: vec![coding; usize::from(components)],
-            changes: Vec::new(),
-            seen_coding: false,
-            seen_steps: false,
-        };
+        let coding = vec![coding; usize::from(components)];
+        let mut parameters = Self { layers: 1, coding, ..Self::default() };
         loop {
             let (marker, fields, next) = segment(codestream, at)?;
             match marker {

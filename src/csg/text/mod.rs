@@ -20,7 +20,7 @@ pub(super) use bound::memory_bound;
 pub(super) use modules::is_module;
 pub(super) use parser::parse;
 
-use crate::fault::Fault;
+use crate::fault::{Fault, conversions};
 
 /// Reason why a text cannot be read.
 #[derive(Debug)]
@@ -33,14 +33,7 @@ pub(super) enum Stop {
     },
 }
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Text(fault)
-    }
-}
-
-impl From<std::io::Error> for Stop {
-    fn from(cause: std::io::Error) -> Self {
-        Self::Read(cause)
-    }
-}
+conversions!(Stop {
+    fault: Fault => Self::Text(fault),
+    cause: std::io::Error => Self::Read(cause),
+});

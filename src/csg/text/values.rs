@@ -75,11 +75,7 @@ impl List {
             return None;
         }
         let mut indices = Vec::new();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "compared with the number"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "compared with the number")]
         let index = |n: &f64| (*n >= 0.0 && *n < 4e9 && n.fract() == 0.0).then_some(*n as u32);
         for row in self.rows() {
             indices.clear();

@@ -130,7 +130,6 @@ impl Keys {
         let whole = |v: f64| -> Option<u32> {
             #[expect(
                 clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
                 reason = "a whole number within u32, as has been checked"
             )]
             let side = (v.fract() == 0.0 && v >= 1.0 && v <= f64::from(u32::MAX)).then_some(v as u32);

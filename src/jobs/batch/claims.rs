@@ -98,19 +98,8 @@ mod tests {
     use crate::source::InputFiles;
 
     fn finding(id: &str) -> Finding {
-        Finding {
-            path: "x".into(),
-            id: id.into(),
-            format: "nrrd",
-            kind: "nrrd".into(),
-            part: None,
-            size: None,
-            files: InputFiles::default(),
-            burned_in: None,
-            at: 0,
-            more: 0,
-            subject: Err(crate::volume::SourceError::unreadable("x", std::io::ErrorKind::NotFound.into())),
-        }
+        let error = crate::volume::SourceError::unreadable("x", std::io::ErrorKind::NotFound.into());
+        Finding::new("x".as_ref(), "nrrd", id.into(), InputFiles::default(), Err(error))
     }
 
     #[test]

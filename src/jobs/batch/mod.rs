@@ -407,7 +407,6 @@ impl Run<'_> {
     /// A volume with its name, or its outcome if that is known already: too few slices, refused, or a copy of another.
     fn name(&self, turn: &claims::Turn<'_>, finding: Finding, place: claims::Place) -> Named {
         let mut item = Item {
-            status: Status::Failed,
             name: finding.id.clone(),
             input: data(&finding.path),
             format: finding.format.to_owned(),
@@ -416,10 +415,7 @@ impl Run<'_> {
             files: finding.files.count,
             input_bytes: finding.files.bytes,
             burned_in: finding.burned_in,
-            cause: None,
-            reason: None,
-            warnings: Vec::new(),
-            model: None,
+            ..Item::default()
         };
         if !self.request.asks_for(&finding) {
             item.status = Status::Skipped;

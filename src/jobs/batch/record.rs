@@ -15,7 +15,7 @@ use crate::scratch::Appended;
 use crate::source::BurnedIn;
 
 /// Outcome of a volume.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Status {
@@ -24,6 +24,7 @@ pub enum Status {
     /// Built before, from the same files with the same options; or, without a model, left alone as asked.
     Skipped,
     /// Refused, or its build failed.
+    #[default]
     Failed,
     /// Built by an earlier run, and still there; this run did not come across it.
     Kept,
@@ -67,7 +68,7 @@ impl Cause {
 }
 
 /// One volume of a batch, as reported. It tells where the volume lies, and stays with the volume's owner.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Item {
     /// Outcome of the volume.
@@ -103,19 +104,11 @@ impl Item {
     /// The item of an input whose opening met a defect of the program.
     pub(super) fn of_defect(at: usize) -> Self {
         Self {
-            status: Status::Failed,
             name: format!("defect-{}", at + 1),
             input: format!("entry {} of the search", at + 1),
-            format: String::new(),
-            kind: String::new(),
-            part: String::new(),
-            files: 0,
-            input_bytes: 0,
-            burned_in: None,
             cause: Some(Cause::Defect),
             reason: Some("an internal error stopped the reading of its headers; please report it".into()),
-            warnings: Vec::new(),
-            model: None,
+            ..Self::default()
         }
     }
 }
@@ -321,12 +314,8 @@ pub(super) mod tests {
             input: format!("folder/{name}.nrrd"),
             format: "nrrd".into(),
             kind: "nrrd".into(),
-            part: String::new(),
             files: 1,
             input_bytes: 1000,
-            burned_in: None,
-            cause: None,
-            reason: None,
             warnings: vec!["a \"quoted\", <odd> one".into()],
             model: Some(ModelFacts {
                 file: format!("{name}.oct"),
@@ -345,6 +334,7 @@ pub(super) mod tests {
                 memory_plan_bytes: 1 << 19,
                 scratch_bytes: 0,
             }),
+            ..Item::default()
         }
     }
 

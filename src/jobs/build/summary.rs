@@ -48,7 +48,6 @@ impl BuildSummary {
         } else {
             format!("values {} and more ({})", Short(r.selection.lo), info::kind_name(r.selection.kind))
         };
-        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / info::surface_boxes(&self.info.frame).max(1) as f64;
         let one = info::one_of(&self.info.frame);
         let kept = match self.info.frame.surface() {

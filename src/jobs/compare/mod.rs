@@ -346,6 +346,7 @@ fn diagonal_mm(of: &Measured<'_>) -> f64 {
 }
 
 /// Sums of a pass.
+#[derive(Default)]
 struct Found {
     distribution: Distribution,
     cells: u64,
@@ -371,19 +372,8 @@ impl Found {
     fn new(radius_mm: f64, finest: f64) -> Self {
         Self {
             distribution: Distribution::new(radius_mm, finest),
-            cells: 0,
-            border: 0,
-            without: Area::default(),
-            area_mm2: 0.0,
-            within_mm2: 0.0,
-            beyond_mm2: 0.0,
-            doubtful_mm2: 0.0,
-            beyond: 0,
-            doubtful: 0,
             intervals: Distribution::new(radius_mm, finest),
-            squares: [0.0; 2],
-            known_mm2: 0.0,
-            shift: [0.0; 2],
+            ..Self::default()
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use crate::fault::conversions;
 use crate::format::FormatError;
 use crate::format::packed::CodingError;
 use crate::load::Fault;
@@ -15,20 +16,8 @@ pub(crate) enum Stop {
     Output(io::Error),
 }
 
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Input(fault)
-    }
-}
-
-impl From<FormatError> for Stop {
-    fn from(cause: FormatError) -> Self {
-        Self::Input(Fault::Format(cause))
-    }
-}
-
-impl From<CodingError> for Stop {
-    fn from(cause: CodingError) -> Self {
-        FormatError::from(cause).into()
-    }
-}
+conversions!(Stop {
+    fault: Fault => Self::Input(fault),
+    cause: FormatError => Self::Input(Fault::Format(cause)),
+    cause: CodingError => FormatError::from(cause).into(),
+});

@@ -13,7 +13,7 @@ use super::stop::Stop;
 use super::stream::Writer;
 use super::{PackReport, convert, decode};
 use crate::error::Error;
-use crate::fault::{self, usage};
+use crate::fault::{self, conversions, usage};
 use crate::format::{
     Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind, damaged,
 };
@@ -57,11 +57,7 @@ impl<T: Into<Stop>> From<T> for StripStop {
     }
 }
 
-impl From<fault::Fault> for StripStop {
-    fn from(fault: fault::Fault) -> Self {
-        Self::Request(fault)
-    }
-}
+conversions!(StripStop { fault: fault::Fault => Self::Request(fault) });
 
 impl StripStop {
     pub(super) fn at(self, input: &Path, other: impl FnOnce(Stop) -> Error) -> Error {
@@ -244,7 +240,6 @@ mod tests {
         let places = (0..dims[1]).flat_map(|y| (0..dims[0]).map(move |x| [x, y]));
         let voxel = |[x, y]: [u32; 2]| AssembledVoxel {
             cell: [x, y, (x * x / 7 + y * 3 + (x * y) % 5) % dims[2]],
-            #[expect(clippy::cast_precision_loss, reason = "small")]
             normal: normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]),
             value: u16::try_from(x * y % 200).unwrap_or(0),
         };

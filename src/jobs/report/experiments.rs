@@ -307,7 +307,6 @@ impl Bench<'_> {
     }
 
     /// Bytes in which two models differ, the shorter one's missing ones included.
-    #[expect(clippy::cast_precision_loss, reason = "a size far below 2^53")]
     fn difference(a: &Model, b: &Model) -> f64 {
         let (a, b) = (a.bytes(), b.bytes());
         let other = a.iter().zip(b).filter(|(a, b)| a != b).count();

@@ -114,12 +114,10 @@ fn seconds<T>(mut run: impl FnMut() -> Result<T, Error>) -> Result<(Times, T), E
     })
 }
 
-#[expect(clippy::cast_precision_loss, reason = "some 10^4 of them")]
 fn percent(part: usize, all: usize) -> f64 {
     100.0 * part as f64 / all.max(1) as f64
 }
 
-#[expect(clippy::cast_precision_loss, reason = "some 10^4 of them")]
 fn deviation(model: &Model, body: &AnalyticVolume) -> Result<Measured, Error> {
     let near = |at: &[f64; 3]| body.surface_at(*at).distance.abs() <= REACH;
     let points: Vec<[f64; 3]> = places(body, PLACES).filter(near).collect();
@@ -137,7 +135,6 @@ fn deviation(model: &Model, body: &AnalyticVolume) -> Result<Measured, Error> {
     Ok((times, points.len() as f64, errors))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "some 10^3 of them")]
 fn thickness(model: &Model, body: &AnalyticVolume, by: Method, cells: u64) -> Result<Measured, Error> {
     let view = model.view();
     let surface = Surface::open(&view, &model.affine(), model.dims())?;
@@ -217,7 +214,6 @@ fn length_between(one: [f64; 3], other: [f64; 3]) -> f64 {
     dot(way, way).sqrt()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "voxels of a small body")]
 fn porosity(path: &Path, body: &AnalyticVolume, balls: &[([f64; 3], f64)]) -> Result<Measured, Error> {
     let request = PoresRequest { bodies: false, least: 1, gap: false };
     let (times, found): (Times, PoresReport) = seconds(|| pores(path, request, None, &Silent))?;

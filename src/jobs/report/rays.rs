@@ -165,7 +165,6 @@ impl Scene<'_> {
             let at_border = at_border(hit.cell, 1 << hit.edge_log2, *dims);
             Some(Met { t: hit.t, point, normal, voxel: hit.cell, at_border })
         });
-        #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
         let per_ray = 1e9 / lines.len().max(1) as f64;
         (met.collect(), seconds.scaled(per_ray))
     }
@@ -245,7 +244,6 @@ struct Found {
 }
 
 impl Found {
-    #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
     fn errors(mut self) -> Errors {
         let mut errors = Errors::of_distances(&mut self.distances);
         if self.reference > 0 {

@@ -98,7 +98,6 @@ impl Costs {
         ["build, s", "ray, ns", "memory, bytes", "file, bytes", "boxes", "spread of times, %", "point, ns"];
 
     /// All as numbers.
-    #[expect(clippy::cast_precision_loss, reason = "sizes far below 2^53")]
     pub(crate) fn values(&self) -> [Option<f64>; 7] {
         [
             self.build_s,
@@ -259,7 +258,6 @@ impl From<Errors> for BTreeMap<&'static str, f64> {
 
 impl Errors {
     /// Root of the mean square, 99th percentile and maximum of distances in voxels, which are sorted.
-    #[expect(clippy::cast_precision_loss, reason = "some 10^5 of them")]
     pub(super) fn of_distances(distances: &mut [f64]) -> Self {
         let squares: f64 = distances.iter().map(|d| d * d).sum();
         distances.sort_by(f64::total_cmp);

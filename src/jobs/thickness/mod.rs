@@ -215,6 +215,7 @@ impl Row {
 }
 
 /// Sums of a pass.
+#[derive(Default)]
 struct Found {
     distribution: Distribution,
     cells: u64,
@@ -234,15 +235,9 @@ impl Found {
         let finest = gauge.surface.space.finest;
         Self {
             distribution: Distribution::new(gauge.max_mm, finest),
-            cells: 0,
-            area_mm2: 0.0,
-            none: Area::default(),
-            thicker: Area::default(),
-            below: Area::default(),
             least_mm: MIN_VOXELS * finest,
             thin_mm,
-            thin_mm2: 0.0,
-            places: Places::default(),
+            ..Self::default()
         }
     }
 

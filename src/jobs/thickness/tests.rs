@@ -55,7 +55,6 @@ fn plates_shells_and_tubes_are_as_thick_as_they_are() {
             let values: Vec<f64> = cells.iter().filter_map(|cell| cell.value).collect();
             assert!(values.len() > 400 && values.len() == cells.len(), "{number} {by:?}: {report:?}");
             let square: f64 = values.iter().map(|v| (v / SPACING - thick).powi(2)).sum();
-            #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
             let rms = (square / values.len() as f64).sqrt();
             assert!(rms < most, "{number} {by:?}: {rms}");
         }

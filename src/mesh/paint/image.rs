@@ -274,7 +274,6 @@ impl RowSink for Samples<'_> {
     }
 }
 
-#[expect(clippy::cast_sign_loss, reason = "clamped")]
 fn byte(v: i32) -> u8 {
     v.clamp(0, 255) as u8
 }

@@ -15,11 +15,7 @@
 //!
 //! Colours are mixed in linear light and stored as sRGB. Of two triangles at the same distance the one counts that
 //! faces the voxel more, then the first. The search is its own, so that meshes without colours do not pay for it.
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    reason = "coordinates are below 2^16, rows of a brick few"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16, rows of a brick few")]
 
 mod image;
 mod near;
@@ -326,7 +322,6 @@ impl<'a> Painter<'a> {
             self.parts.push(painted.part);
             if let (Some(code), Some(smooth)) = (codes.next(), painted.normal) {
                 let own = normal::decode_l1(u16::from_le_bytes(*code));
-                #[expect(clippy::cast_precision_loss, reason = "at most 127")]
                 let along: f32 = own.iter().zip(smooth).map(|(a, b)| *a as f32 * b).sum();
                 let out = if along < 0.0 { smooth.map(|c| -c) } else { smooth };
                 *code = normal::encode(out).to_le_bytes();

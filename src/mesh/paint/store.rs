@@ -89,7 +89,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut columns = Columns::new(folder.path());
         let look = |at: u32| {
-            #[expect(clippy::cast_precision_loss, reason = "small")]
             let v = at as f32;
             Look {
                 colors: at.is_multiple_of(3).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),

@@ -183,14 +183,12 @@ impl Texture {
         let [s, t] = self.placed.map(|[a, b, c]| a * u + b * v + c);
         let t = if self.upwards { 1.0 - t } else { t };
         let size = self.levels.levels.first().map_or([1; 2], |level| [level.width, level.height]);
-        #[expect(clippy::cast_precision_loss, reason = "sides are below 2^16")]
         let [width, height] = size.map(|side| side as f32);
         [s * width, t * height]
     }
 
     /// Linear light at a place, in texels, with `rate` texels on a voxel.
     pub(super) fn color(&self, at: [f32; 2], rate: f32, pages: &mut Pages) -> io::Result<[f32; 3]> {
-        #[expect(clippy::cast_precision_loss, reason = "few sizes")]
         let last = self.levels.levels.len().saturating_sub(1) as f32;
         let size = if rate > 1.0 { rate.log2().min(last) } else { 0.0 };
         let (fine, more) = (size.floor(), size.fract());
@@ -228,11 +226,7 @@ impl Texture {
 }
 
 /// The two texels of a size along an axis around a place in texels of the whole image, and their weights.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "brought near to the image before"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "brought near to the image before")]
 fn texels_around(at: f32, whole: u32, level: usize, side: u32, wrap: Wrap) -> [(u32, f32); 2] {
     let (whole, side_f) = (f64::from(whole), i64::from(side));
     let at = if at.is_finite() { f64::from(at) } else { 0.0 };

@@ -1,7 +1,7 @@
 //! The callbacks of a reader, and its reasons to stop.
 
 use super::look::Look;
-use crate::fault::{Fault, FaultKind, bad};
+use crate::fault::{Fault, FaultKind, bad, conversions};
 use crate::text::shown;
 use crate::volume::SourceError;
 
@@ -129,17 +129,10 @@ pub(in crate::mesh) enum Stop {
     Caller(SourceError),
 }
 
-impl From<SourceError> for Stop {
-    fn from(error: SourceError) -> Self {
-        Self::Caller(error)
-    }
-}
-
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Mesh(fault)
-    }
-}
+conversions!(Stop {
+    error: SourceError => Self::Caller(error),
+    fault: Fault => Self::Mesh(fault),
+});
 
 impl Stop {
     /// A fault of a file that the mesh names.

@@ -60,7 +60,6 @@ impl Projection {
 
     /// Calls `each(column, half)` for the rows at columns `first..=last` of `p` and at column `q` that cross the
     /// triangle: half 2 i is the lower one of voxel i, half 2 i + 1 the upper one.
-    #[expect(clippy::cast_precision_loss, reason = "the error is bounded")]
     fn line(&self, q: i32, (first, last): (i32, i32), each: &mut impl FnMut(i32, i64)) {
         let centre = |at: i32| i64::from(at) * i64::from(STEPS) + i64::from(HALF);
         let (cp, cq) = (centre(first), centre(q));
@@ -120,11 +119,7 @@ impl Projection {
 fn between(edges: &[(i64, i64, i64); 3], last: i32) -> Option<(i32, i32)> {
     let (mut from, mut to) = (0, last);
     for (at, outside, step) in edges {
-        #[expect(
-            clippy::cast_precision_loss,
-            clippy::cast_possible_truncation,
-            reason = "widened by one; saturates"
-        )]
+        #[expect(clippy::cast_possible_truncation, reason = "widened by one; saturates")]
         let zero = (-(at + outside) as f64 / *step as f64) as i32;
         match step.signum() {
             0 if at + outside < 0 => return None,
@@ -198,7 +193,6 @@ struct Slab {
 }
 
 impl Slab {
-    #[expect(clippy::cast_precision_loss, reason = "columns are widened")]
     fn new(t: &Triangle, normal: [i64; 3], z: i32) -> Self {
         let [nx, ny, nz] = normal.map(|c| c as f64);
         let [x0, y0, z0] = [t[0], t[1], t[2]].map(f64::from);

@@ -240,7 +240,6 @@ impl ThinWorker<'_> {
                 }
             };
             if turned {
-                #[expect(clippy::cast_precision_loss, reason = "at most 127")]
                 let back = own.map(|c| -c as f32);
                 *code = normal::encode(back).to_le_bytes();
             }

@@ -89,7 +89,6 @@ fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
     let bounds: [f64; 6] = exactly("BoundingBox", &number_words(bounds))?;
     let mut notes = Vec::new();
     let unit = behind(words, "Coordinates", |_| true).map(|unit| unit[0].as_str());
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
     let spacing = [0, 1, 2].map(|k| {
         let length = bounds[2 * k + 1] - bounds[2 * k];
         if size[k] > 1 { length / (size[k] - 1) as f64 } else { length.max(1.0) }

@@ -177,7 +177,6 @@ impl Geometry {
         let mut missing = false;
         for (column, index) in space.iter().enumerate() {
             let cells = self.centers.get(*index).is_none_or(|c| c != "node");
-            #[expect(clippy::cast_precision_loss, reason = "sizes are far below 2^53 where they are used")]
             let count = axes.get(*index).map_or(1, |a| a.size) as f64;
             let (min, max) = (finite(&self.mins, *index), finite(&self.maxs, *index));
             let steps = if cells { count } else { (count - 1.0).max(1.0) };

@@ -48,16 +48,9 @@ impl Samples {
             Self::I64 | Self::U64 => {
                 endian.to_native(8, bytes);
                 for sample in bytes.as_chunks_mut::<8>().0 {
-                    let value = if self == Self::I64 {
-                        #[expect(clippy::cast_precision_loss, reason = "stated in a note")]
-                        {
-                            bytemuck::cast::<[u8; 8], i64>(*sample) as f64
-                        }
-                    } else {
-                        #[expect(clippy::cast_precision_loss, reason = "stated in a note")]
-                        {
-                            bytemuck::cast::<[u8; 8], u64>(*sample) as f64
-                        }
+                    let value = match self {
+                        Self::I64 => bytemuck::cast::<[u8; 8], i64>(*sample) as f64,
+                        _ => bytemuck::cast::<[u8; 8], u64>(*sample) as f64,
                     };
                     *sample = bytemuck::cast(value);
                 }
@@ -88,7 +81,6 @@ fn single(half: u16) -> f32 {
     match exponent {
         // Subnormal: a multiple of 2^-24, which a single holds exactly.
         0 => {
-            #[expect(clippy::cast_precision_loss, reason = "ten bits")]
             let size = fraction as f32 / 16_777_216.0;
             if sign == 0 { size } else { -size }
         }

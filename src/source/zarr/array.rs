@@ -468,11 +468,7 @@ fn fill(samples: Samples, value: Option<&Value>) -> Read<Vec<u8>> {
         Some(value) => value.as_f64(),
     };
     let number = number.ok_or_else(|| missing("fill_value"))?;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "casts saturate; a writer states what fits"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "casts saturate; a writer states what fits")]
     Ok(match samples.delivered() {
         ScalarType::U8 => vec![number as u8],
         ScalarType::I8 => vec![(number as i8).cast_unsigned()],

@@ -158,11 +158,7 @@ fn bend(
                 if weight == 0.0 {
                     continue;
                 }
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "16 bits, or refused"
-                )]
+                #[expect(clippy::cast_possible_truncation, reason = "16 bits, or refused")]
                 let joint = joints.get(number as usize).ok_or_else(|| out_of_range("a skin or a joint"))?;
                 sum += weight;
                 for (out, from) in rows.as_flattened_mut().iter_mut().zip(joint.rows.as_flattened()) {

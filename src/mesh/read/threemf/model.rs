@@ -462,7 +462,6 @@ fn color(text: &[u8]) -> Option<[f64; 3]> {
     for (out, pair) in all.iter_mut().zip(digits.as_chunks::<2>().0) {
         let hex = |b: u8| char::from(b).to_digit(16);
         let value = 16 * hex(pair[0])? + hex(pair[1])?;
-        #[expect(clippy::cast_precision_loss, reason = "a byte")]
         let stored = value as f32 / 255.0;
         *out = linear(stored).into();
     }

@@ -316,7 +316,6 @@ impl Padding {
 
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
         reason = "the replacement lies within 32 stored bits; two's complement is wanted"
     )]
     fn replacement_bits(self) -> u32 {

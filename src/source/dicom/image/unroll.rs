@@ -13,7 +13,7 @@ use super::pixels::Padding;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, RowSink, damaged, jpeg, jpeg2000, jpegls, rle};
-use crate::fault::bad;
+use crate::fault::{bad, conversions};
 use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::error::{DeflateFault, ScanError};
 use crate::source::dicom::parse::header::DicomHeader;
@@ -138,23 +138,11 @@ enum Failure {
     Sink(SourceError),
 }
 
-impl From<ScanError> for Failure {
-    fn from(error: ScanError) -> Self {
-        Self::Scan(error)
-    }
-}
-
-impl From<TooSmall> for Failure {
-    fn from(refused: TooSmall) -> Self {
-        Self::Memory { needed_bytes: refused.needed_bytes, allowed_bytes: refused.left_bytes }
-    }
-}
-
-impl From<io::Error> for Failure {
-    fn from(error: io::Error) -> Self {
-        Self::Read(0, error)
-    }
-}
+conversions!(Failure {
+    error: ScanError => Self::Scan(error),
+    refused: TooSmall => Self::Memory { needed_bytes: refused.needed_bytes, allowed_bytes: refused.left_bytes },
+    error: io::Error => Self::Read(0, error),
+});
 
 impl Failure {
     fn at(self, path: &Path, image: &Image) -> SourceError {

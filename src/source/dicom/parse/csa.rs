@@ -25,6 +25,7 @@ use std::str::FromStr;
 
 use super::error::{ReadFault, ScanError};
 use super::window::{ReadAt, Window};
+use crate::fault::conversions;
 
 /// Reason why the private header of a Siemens image cannot be read, as the end of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,17 +43,10 @@ impl fmt::Display for CsaFault {
     }
 }
 
-impl From<io::Error> for CsaFault {
-    fn from(error: io::Error) -> Self {
-        Self::new(ReadFault::from(error).to_string())
-    }
-}
-
-impl From<ScanError> for CsaFault {
-    fn from(error: ScanError) -> Self {
-        Self::new(error.to_string())
-    }
-}
+conversions!(CsaFault {
+    error: io::Error => Self::new(ReadFault::from(error).to_string()),
+    error: ScanError => Self::new(error.to_string()),
+});
 
 /// Most tags, and most items of a tag; real headers have about a hundred tags of a few dozen items.
 const MAX_COUNT: u32 = 1000;

@@ -32,7 +32,6 @@ pub(crate) fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3]
     Some((row, column, normal.map(|c| c / length)))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "numbers of slices are far below 2^53")]
 pub(crate) fn count(n: usize) -> f64 {
     n as f64
 }

@@ -52,19 +52,9 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     if findings.is_empty()
         && let Some((path, error)) = &series.lost
     {
-        findings.push(Finding {
-            path: path.clone(),
-            id: String::new(),
-            format: "dicom",
-            kind: "DICOM image".into(),
-            part: None,
-            size: None,
-            files: InputFiles::default(),
-            burned_in: None,
-            at: 0,
-            more: 0,
-            subject: Err(bad!("{error}; was it changed while the folders were searched?").at(path).into()),
-        });
+        let error = Err(bad!("{error}; was it changed while the folders were searched?").at(path).into());
+        let finding = Finding::new(path, "dicom", String::new(), InputFiles::default(), error);
+        findings.push(Finding { kind: "DICOM image".into(), ..finding });
     }
     findings
 }
@@ -131,18 +121,13 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[Note], options:
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
     let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
     let images = u32::try_from(slices.len()).unwrap_or(u32::MAX).saturating_mul(each);
+    let subject = volume.map(|v| Subject::Volume(Box::new(v)));
     Finding {
-        path,
-        id,
-        format: "dicom",
         kind: shared.object.clone(),
         part: Some(part.label.clone()).filter(|label| !label.is_empty()),
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
-        files,
         burned_in: shared.burned_in,
-        at: 0,
-        more: 0,
-        subject: volume.map(|v| Subject::Volume(Box::new(v))),
+        ..Finding::new(&path, "dicom", id, files, subject)
     }
 }
 

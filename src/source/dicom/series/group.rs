@@ -301,7 +301,7 @@ pub(crate) struct Group {
 }
 
 /// The images of one series.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Series {
     pub(crate) files: FileList,
     /// Size and time of change of each file.
@@ -327,22 +327,7 @@ pub(crate) struct Series {
 
 impl Series {
     pub(crate) fn new(files: FileList, facts: Vec<(u64, u64)>) -> Self {
-        Self {
-            files,
-            facts,
-            groups: Vec::new(),
-            layouts: Vec::new(),
-            image_types: Vec::new(),
-            obstacles: Vec::new(),
-            duplicates: Vec::new(),
-            wrong: None,
-            lost: None,
-            segments: Vec::new(),
-            directions: Vec::new(),
-            stacks: Vec::new(),
-            vectors: Vec::new(),
-            index: HashMap::new(),
-        }
+        Self { files, facts, ..Self::default() }
     }
 
     /// The group of an image, by the hash of the attributes that must be equal and by the attributes that may differ a
