@@ -65,8 +65,12 @@ impl Bars {
     }
 
     /// Removes the bar from the terminal.
-    pub(crate) fn finish(&self) {
-        self.with(|bar| bar.finish_and_clear());
+    /// Shows the progress of some work until its end.
+    pub(crate) fn during<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
+        let bars = Self::new(silent);
+        let done = work(&bars);
+        bars.with(|bar| bar.finish_and_clear());
+        done
     }
 
     fn with(&self, work: impl FnOnce(&mut ProgressBar)) {

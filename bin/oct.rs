@@ -51,9 +51,11 @@ use serde::Serialize;
 
 use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
-use failure::{Dash, Failure, Refusal, Written, one_line, tell};
+use failure::{Failure, dash, not_of, one_line, tell};
 use pictures::print_picture;
-use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash, write_to_stdout};
+use streams::{
+    Input, Output, Written, check_suffixes, copy_to_stdout, is_dash, refuse_dash, write_to_stdout,
+};
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
@@ -197,7 +199,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Selfcheck(args) => selfcheck(&args),
         Command::Completions(args) => Ok(manual::completions(args.shell)?),
         Command::Man(args) => {
-            refuse_dash([args.folder.as_path()], Dash::Folder)?;
+            refuse_dash([args.folder.as_path()], dash::FOLDER)?;
             Ok(manual::pages(&args.folder)?)
         }
         Command::Report(args) => report(&args),
@@ -205,23 +207,23 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
 }
 
 fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failure> {
-    refuse_dash([args.output()], Dash::Model)?;
-    refuse_dash(each, Dash::Folder)?;
+    refuse_dash([args.output()], dash::MODEL)?;
+    refuse_dash(each, dash::FOLDER)?;
     check_suffixes([args.output()], Written::Model, args.force)?;
     // Memory of reading the arguments is given back before the job.
     jobs::give_back();
     let build = Build::of(args)?;
-    let bars = Bars::new(args.quiet || args.json);
-    let (kind, inputs, how, job) = (build.kind, &build.inputs, &build.how, build.job(args.output(), &bars));
-    let summary = match each {
-        Some(folder) => {
-            let each = EachLabel { folder, replace: args.force, keep_whole: args.output.is_some() };
-            jobs::build::convert_each(kind, inputs, how, &job, each)
+    let mut summary = Bars::during(args.quiet || args.json, |bars| {
+        let (kind, inputs, how, job) =
+            (build.kind, &build.inputs, &build.how, build.job(args.output(), bars));
+        match each {
+            Some(folder) => {
+                let each = EachLabel { folder, replace: args.force, keep_whole: args.output.is_some() };
+                jobs::build::convert_each(kind, inputs, how, &job, each)
+            }
+            None => jobs::build::convert(kind, inputs, how, &job),
         }
-        None => jobs::build::convert(kind, inputs, how, &job),
-    };
-    bars.finish();
-    let mut summary = summary?;
+    })?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
@@ -253,9 +255,9 @@ impl Build {
                 let input = Input::within(only, &spool)?;
                 (vec![input.path().to_path_buf()], Some(input))
             }
-            [only] if is_dash(only) => return Err(Dash::Volume.into()),
+            [only] if is_dash(only) => return Err(dash::VOLUME.into()),
             several => {
-                refuse_dash(several.iter().map(PathBuf::as_path), Dash::AmongFiles)?;
+                refuse_dash(several.iter().map(PathBuf::as_path), dash::AMONG_FILES)?;
                 (several.to_vec(), None)
             }
         };
@@ -280,8 +282,8 @@ impl Build {
 }
 
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
-    refuse_dash([args.out.as_path()], Dash::Folder)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
+    refuse_dash([args.out.as_path()], dash::FOLDER)?;
     args.skin.refuse_ignored(None)?;
     args.clean.refuse_ignored()?;
     let jobs = args.jobs.unwrap_or_else(cores);
@@ -341,7 +343,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
 const SCAN_OPENING_BYTES: u64 = 256 << 20;
 
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
     let mut first = true;
     let notice = ScanReport::notice();
     let begin = if args.json {
@@ -412,7 +414,7 @@ const NOTHING_FOUND: &str = ": no DICOM, NRRD, NIfTI, MetaImage, MRC, VTK, VGStu
 const NOT_VOLUME: &str = "not a volume";
 
 /// The description of a headerless volume, if a part of it was given.
-fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
+fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, &'static str> {
     match (raw.dims, raw.dtype) {
         (Some(dims), Some((scalar, endian))) => Ok(Some(RawOptions {
             dims,
@@ -423,34 +425,45 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
             orientation: raw.orientation.unwrap_or(Orientation::LPS),
         })),
         (None, None) if raw.skip.is_none() => Ok(None),
-        (None, None) => Err(Refusal::SkipAlone),
-        (None, Some(_)) => Err(Refusal::NoDims),
-        (Some(_), None) => Err(Refusal::NoType),
+        (None, None) => Err(
+            "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin",
+        ),
+        (None, Some(_)) => Err("a raw volume needs --dims NXxNYxNZ as well"),
+        (Some(_), None) => Err("a raw volume needs --dtype as well, for example --dtype u16"),
     }
 }
 
 fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let Some(named) = &args.output else { return export_each(args) };
     let Some(form) = args.form.or_else(|| ExportForm::of(named)) else {
-        return Err(Refusal::NoForm { path: named.clone() }.into());
+        return Err(format!(
+            "{}: does not say what to write; name it .stl, .ply, .obj, .glb, .3mf, .nrrd, .nii, .nii.gz or .html, or choose with --as",
+            shown(named)
+        )
+        .into());
     };
     let suffix = ExportForm::of(named).map_or("", ExportForm::suffix);
     if !args.force && !suffix.is_empty() && suffix != form.suffix() {
-        return Err(Refusal::OtherForm { path: named.clone(), form }.into());
+        return Err(format!(
+            "{}: is named as another kind of file, and {} would be written; name it .{}, or add --force",
+            shown(named),
+            form.name(),
+            form.suffix()
+        )
+        .into());
     }
     let rules = args.labels.rules(&[]);
     let request = export_request(args, form, &rules)?;
     if form == ExportForm::Linked {
         // The page fetches the model by its name.
-        refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+        refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
     }
     let output = Output::of(named, Written::Export, args.force, args.json)?;
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
-    let bars = Bars::new(args.quiet || args.json);
-    let report = jobs::export::export(model.path(), output.path(), request, &bars);
-    bars.finish();
-    let mut report = report?;
+    let mut report = Bars::during(args.quiet || args.json, |bars| {
+        jobs::export::export(model.path(), output.path(), request, bars)
+    })?;
     (report.input, report.output) = (data(&args.model), data(named));
     let text = || if args.quiet { String::new() } else { report.text() };
     output.finish(|| print(args.json, || &report, text))
@@ -462,15 +475,14 @@ fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let rules = args.labels.rules(&[]);
     let request = export_request(args, args.form.unwrap_or(ExportForm::Stl), &rules)?;
     if !request.form.has_triangles() {
-        return Err(Refusal::NotOf { flag: "--each", of: TRIANGLES }.into());
+        return Err(not_of("--each", TRIANGLES).into());
     }
-    refuse_dash([folder.as_path()], Dash::Folder)?;
+    refuse_dash([folder.as_path()], dash::FOLDER)?;
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
-    let bars = Bars::new(args.quiet || args.json);
-    let report = jobs::export::export_each(model.path(), &folder, request, &bars);
-    bars.finish();
-    let mut report = report?;
+    let mut report = Bars::during(args.quiet || args.json, |bars| {
+        jobs::export::export_each(model.path(), &folder, request, bars)
+    })?;
     report.input = data(&args.model);
     let text = || if args.quiet { String::new() } else { report.text() };
     Ok(print(args.json, || &report, text)?)
@@ -483,9 +495,9 @@ fn export_request<'a>(
     args: &args::ExportArgs,
     form: ExportForm,
     labels: &'a [LabelRule],
-) -> Result<ExportRequest<'a>, Refusal> {
+) -> Result<ExportRequest<'a>, String> {
     if args.skin && !form.is_mask() {
-        return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" });
+        return Err(not_of("--skin", "masks (nrrd, nii, nii.gz)"));
     }
     let of_triangles = [
         ("--error", args.error.is_some()),
@@ -493,7 +505,7 @@ fn export_request<'a>(
         ("--smooth", args.smooth.is_some()),
     ];
     if let Some((flag, _)) = of_triangles.iter().find(|(_, given)| *given && !form.has_triangles()) {
-        return Err(Refusal::NotOf { flag, of: TRIANGLES });
+        return Err(not_of(flag, TRIANGLES));
     }
     Ok(ExportRequest {
         form,
@@ -506,7 +518,7 @@ fn export_request<'a>(
 }
 
 fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+    refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
     platform::tell_of(&args.model, false);
     let request = ViewRequest { port: args.port, idle: args.idle.map(Duration::from_secs) };
     let ready = |address: &str| {
@@ -521,7 +533,7 @@ fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {
 }
 
 fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.one.as_path(), args.other.as_path()], Dash::AmongFiles)?;
+    refuse_dash([args.one.as_path(), args.other.as_path()], dash::AMONG_FILES)?;
     platform::tell_of(&args.one, args.json);
     let mut placement = args.place.unwrap_or(Affine::from_spacing([1.0; 3]));
     for (row, by) in placement.rows.iter_mut().zip(args.moved.unwrap_or_default()) {
@@ -533,65 +545,62 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     Ok(if is_too_near { ExitCode::from(Verdict::DoesNotConform.code()) } else { shown })
 }
 
-/// Checks the arguments of a measurement, and makes its bars.
-fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<Bars, Failure> {
-    refuse_dash(inputs.iter().copied(), Dash::AmongFiles)?;
-    refuse_dash(run.output.as_deref(), Dash::Model)?;
-    refuse_dash(run.csv.as_deref(), Dash::Layer)?;
+/// Checks the arguments of a measurement.
+fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<(), Failure> {
+    refuse_dash(inputs.iter().copied(), dash::AMONG_FILES)?;
+    refuse_dash(run.output.as_deref(), dash::MODEL)?;
+    refuse_dash(run.csv.as_deref(), dash::LAYER)?;
     check_suffixes(run.output.as_deref(), Written::Model, run.force)?;
     inputs.iter().take(1).for_each(|input| platform::tell_of(input, run.json));
-    Ok(Bars::new(run.json || run.quiet))
+    Ok(())
 }
 
 fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {
     let (inputs, run) = ([args.actual.as_path(), &args.nominal], &args.run);
-    let bars = begin_measuring(&inputs, run)?;
+    begin_measuring(&inputs, run)?;
     let outputs = CompareOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
-    let report = jobs::compare::compare(inputs, &args.request(), outputs, &bars);
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(run.json || run.quiet, |bars| {
+        jobs::compare::compare(inputs, &args.request(), outputs, bars)
+    })?;
     let code = print(run.json, || &report, || report.text())?;
     Ok(report.verdict().map_or(code, |verdict| ExitCode::from(verdict.code())))
 }
 
 fn thickness(args: &args::ThicknessArgs) -> Result<ExitCode, Failure> {
     let (model, run) = (args.model.as_path(), &args.run);
-    let bars = begin_measuring(&[model], run)?;
+    begin_measuring(&[model], run)?;
     let outputs = ThicknessOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
-    let report = jobs::thickness::thickness(model, &args.request(), outputs, &bars);
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(run.json || run.quiet, |bars| {
+        jobs::thickness::thickness(model, &args.request(), outputs, bars)
+    })?;
     Ok(print(run.json, || &report, || report.text())?)
 }
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
-    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
+    refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
+    refuse_dash(args.csv.as_deref(), dash::LAYER)?;
     platform::tell_of(&args.model, args.json);
     let request = PoresRequest { bodies: args.bodies, least: args.least, gap: args.gap };
-    let bars = Bars::new(args.json || args.quiet);
-    let report = jobs::pores::pores(&args.model, request, args.csv.as_deref(), &bars);
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(args.json || args.quiet, |bars| {
+        jobs::pores::pores(&args.model, request, args.csv.as_deref(), bars)
+    })?;
     Ok(print(args.json, || &report, || report.text())?)
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let (depth, normals, ids) = (args.depth.as_deref(), args.normals.as_deref(), args.ids.as_deref());
     let layers = || depth.into_iter().chain(normals).chain(ids);
-    refuse_dash(layers(), Dash::Layer)?;
+    refuse_dash(layers(), dash::LAYER)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
     args.refuse_ignored(is_scene(&args.model))?;
     let written = if args.turntable.is_some() { Written::Turntable } else { Written::Picture };
     let output = Output::of(&args.output, written, args.force, args.json)?;
     let (title, legend) = (args.title.as_deref(), args.legend);
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots(), title, legend };
-    let bars = Bars::new(args.json);
     platform::tell_of(&args.model, args.json);
     let model = Input::of(&args.model)?;
-    let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
-    bars.finish();
-    let report = report?;
+    let report =
+        Bars::during(args.json, |bars| picture::render_file(model.path(), &outputs, &args.request(), bars))?;
     let has = [depth.is_some(), args.section.is_some()];
     output.finish(|| print_picture(args.json, (&args.model, &args.output), has, report))
 }
@@ -607,8 +616,8 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
     let pictures = || args.picture.as_deref().into_iter();
-    refuse_dash([args.output.as_path()].into_iter().chain(args.write_raw.as_deref()), Dash::Model)?;
-    refuse_dash(pictures(), Dash::Layer)?;
+    refuse_dash([args.output.as_path()].into_iter().chain(args.write_raw.as_deref()), dash::MODEL)?;
+    refuse_dash(pictures(), dash::LAYER)?;
     check_suffixes([args.output.as_path()], Written::Model, args.force)?;
     check_suffixes(pictures(), Written::Picture, args.force)?;
     if let Some(path) = &args.write_raw {
@@ -624,10 +633,9 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
     platform::tell_of(&args.output, args.json);
-    let bars = Bars::new(args.quiet || args.json);
-    let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
-    bars.finish();
-    let summary = summary?;
+    let summary = Bars::during(args.quiet || args.json, |bars| {
+        jobs::demo::demo(args.size, &options, &files, threads, bars)
+    })?;
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
@@ -648,8 +656,8 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
 }
 
 fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.model.as_deref(), Dash::Search)?;
-    refuse_dash([args.out.as_path()], Dash::Folder)?;
+    refuse_dash(args.model.as_deref(), dash::SEARCH)?;
+    refuse_dash([args.out.as_path()], dash::FOLDER)?;
     // Quoted for a shell.
     let quoted = |word: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
@@ -664,10 +672,7 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
         pixels: args.pixels,
         command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
     };
-    let bars = Bars::new(args.quiet || args.json);
-    let report = jobs::report::report(&request, &bars);
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(args.quiet || args.json, |bars| jobs::report::report(&request, bars))?;
     Ok(print(args.json, || &report, || report.text())?)
 }
 

@@ -9,21 +9,23 @@ use infobyte::jobs::parts::{self, PartsInput, Plan};
 
 use crate::args::{BuildArgs, Cli, Command, MergeArgs, PartArgs, PlanArgs};
 use crate::bars::Bars;
-use crate::failure::{Dash, Failure, Refusal, Written};
-use crate::streams::{check_suffixes, is_dash, refuse_dash};
+use crate::failure::{Failure, dash};
+use crate::streams::{Written, check_suffixes, is_dash, refuse_dash};
 use crate::{Build, print};
+
+const NOT_TEXT: &str =
+    "a plan holds paths and options as Unicode text, and one of them is not; rename the file or folder";
 
 pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let PlanArgs { build: args, parts } = args;
-    refuse_dash([args.output()], Dash::Folder)?;
-    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    refuse_dash([args.output()], dash::FOLDER)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
     let build = Build::of(args)?;
     // This command line's own words, for the parts to repeat.
     let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
-    let command =
-        words.map(|word| word.into_string().map_err(|_| Refusal::NotText)).collect::<Result<_, _>>()?;
+    let command = words.map(|word| word.into_string().map_err(|_| NOT_TEXT)).collect::<Result<_, _>>()?;
     let folder = std::env::current_dir().map_err(|cause| Error::Output { path: ".".into(), cause })?;
-    let folder = folder.to_str().ok_or(Refusal::NotText)?;
+    let folder = folder.to_str().ok_or(NOT_TEXT)?;
     let bars = Bars::new(args.quiet || args.json);
     let input = input(&build, args.output(), &bars);
     let report = parts::plan(&input, *parts, args.output(), command, folder)?;
@@ -39,7 +41,7 @@ fn planned(plan: &Plan) -> Result<BuildArgs, Failure> {
     build.input = build.input.iter().map(|path| plan.input(path)).collect();
     build.scratch = None;
     if build.input.iter().any(|path| is_dash(path)) {
-        return Err(Dash::Search.into());
+        return Err(dash::SEARCH.into());
     }
     Ok(build)
 }
@@ -49,7 +51,7 @@ fn input<'a>(build: &'a Build, output: &'a Path, bars: &'a Bars) -> PartsInput<'
 }
 
 pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
+    refuse_dash([args.plan.as_path()], dash::AMONG_FILES)?;
     let plan = Plan::read(&args.plan)?;
     let output = plan.part_path(args.number)?;
     let mut planned = planned(&plan)?;
@@ -58,48 +60,43 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     planned.scratch.clone_from(&args.scratch);
     let build = Build::of(&planned)?;
     infobyte::jobs::give_back();
-    let bars = Bars::new(args.quiet || args.json);
-    let input = input(&build, &output, &bars);
-    let report = match args.stage {
-        None => parts::part(&plan, args.number, &input),
-        Some(stage) => parts::part_stage(&plan, stage, args.number, &input),
-    };
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(args.quiet || args.json, |bars| {
+        let input = input(&build, &output, bars);
+        match args.stage {
+            None => parts::part(&plan, args.number, &input),
+            Some(stage) => parts::part_stage(&plan, stage, args.number, &input),
+        }
+    })?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }
 
 /// `oct build --resume`.
 pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.output()], Dash::Model)?;
-    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    refuse_dash([args.output()], dash::MODEL)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
     check_suffixes([args.output()], Written::Model, args.force)?;
     infobyte::jobs::give_back();
     let build = Build::of(args)?;
-    let bars = Bars::new(args.quiet || args.json);
-    let report = parts::resume(&input(&build, args.output(), &bars));
-    bars.finish();
-    let report = report?;
+    let report =
+        Bars::during(args.quiet || args.json, |bars| parts::resume(&input(&build, args.output(), bars)))?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }
 
 pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
-    let bars = Bars::new(args.quiet || args.json);
+    refuse_dash([args.plan.as_path()], dash::AMONG_FILES)?;
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
         let build = Build::of(&planned(&plan)?)?;
         infobyte::jobs::give_back();
+        let bars = Bars::new(args.quiet || args.json);
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
         return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);
     }
     let output = args.output.as_deref().unwrap_or(Path::new(""));
-    refuse_dash([output], Dash::Model)?;
+    refuse_dash([output], dash::MODEL)?;
     check_suffixes([output], Written::Model, args.force)?;
     let plan = Plan::read(&args.plan)?;
     infobyte::jobs::give_back();
-    let report = parts::merge(&plan, output, &bars);
-    bars.finish();
-    let report = report?;
+    let report = Bars::during(args.quiet || args.json, |bars| parts::merge(&plan, output, bars))?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }

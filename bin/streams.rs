@@ -7,10 +7,10 @@ use std::process::ExitCode;
 
 use infobyte::Error;
 use infobyte::jobs::build::is_other_kind;
-use infobyte::text::call;
+use infobyte::text::{call, shown};
 use tempfile::TempDir;
 
-use crate::failure::{Dash, Failure, Refusal, Written};
+use crate::failure::{Failure, dash};
 use crate::platform::{hidden_file, is_reader_gone};
 
 /// True for `-`, which stands for standard input or output.
@@ -52,6 +52,15 @@ impl Input {
     }
 }
 
+/// Kind of an output.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Written {
+    Model,
+    Picture,
+    Turntable,
+    Export,
+}
+
 /// A file to be written: the one that was named, or one that is sent to standard output when it is whole.
 pub(crate) struct Output {
     path: PathBuf,
@@ -66,10 +75,10 @@ impl Output {
             return Ok(Self { path: named.to_path_buf(), held: None });
         }
         if as_json {
-            return Err(Dash::WithJson.into());
+            return Err(dash::WITH_JSON.into());
         }
         if io::stdout().is_terminal() {
-            return Err(Dash::Terminal.into());
+            return Err(dash::TERMINAL.into());
         }
         let failed = |cause| Error::Output { path: std::env::temp_dir(), cause };
         let folder = tempfile::tempdir().map_err(failed)?;
@@ -113,24 +122,32 @@ fn put(written: io::Result<()>) -> Result<ExitCode, Error> {
 }
 
 /// Refuses a suffix that belongs to another kind of file.
-fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusal> {
+fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Failure> {
     let suffix = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let foreign = match written {
-        Written::Model => "png",
+    let (foreign, this, other) = match written {
+        Written::Model => ("png", "a model", "MODEL.oct"),
         Written::Turntable if suffix == "gif" => return Ok(()),
-        Written::Picture | Written::Turntable => "oct",
+        Written::Picture => ("oct", "a PNG picture", "IMAGE.png"),
+        Written::Turntable => ("oct", "an animation", "TURN.png or TURN.gif"),
         // The suffix selects the form.
         Written::Export => return Ok(()),
     };
     if !force && (suffix == foreign || is_other_kind(&suffix)) {
-        return Err(Refusal::Suffix { path: path.to_path_buf(), written });
+        return Err(format!(
+            "{}: is named as another kind of file, and {this} would be written; name it {other}, or add --force",
+            shown(path)
+        )
+        .into());
     }
     Ok(())
 }
 
 /// Refuses `-` among names where it would be the name of a file.
-pub(crate) fn refuse_dash<'a>(paths: impl IntoIterator<Item = &'a Path>, dash: Dash) -> Result<(), Failure> {
-    if paths.into_iter().any(is_dash) { Err(dash.into()) } else { Ok(()) }
+pub(crate) fn refuse_dash<'a>(
+    paths: impl IntoIterator<Item = &'a Path>,
+    sentence: &'static str,
+) -> Result<(), Failure> {
+    if paths.into_iter().any(is_dash) { Err(sentence.into()) } else { Ok(()) }
 }
 
 /// Refuses names of models or pictures with the suffix of another kind.
@@ -139,7 +156,7 @@ pub(crate) fn check_suffixes<'a>(
     written: Written,
     force: bool,
 ) -> Result<(), Failure> {
-    paths.into_iter().try_for_each(|path| Ok(check_suffix(path, written, force)?))
+    paths.into_iter().try_for_each(|path| check_suffix(path, written, force))
 }
 
 #[cfg(test)]

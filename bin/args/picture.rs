@@ -12,7 +12,6 @@ use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewP
 use infobyte::scene::{LabelPick, LabelRule, Section};
 
 use super::{Switch, ThreadArgs, parse};
-use crate::failure::Refusal;
 
 /// The light, and the normals that it falls on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -231,7 +230,7 @@ impl RenderArgs {
     }
 
     /// Refuses a flag that changes nothing without another one; a scene has a projection of its own.
-    pub(crate) fn refuse_ignored(&self, is_scene: bool) -> Result<(), Refusal> {
+    pub(crate) fn refuse_ignored(&self, is_scene: bool) -> Result<(), String> {
         let is_flat = match self.projection {
             Some(projection) => projection == Projection::Parallel,
             None => !is_scene,
@@ -246,7 +245,9 @@ impl RenderArgs {
             (self.lod_bias != 0 && self.lod == Switch::Off, "--lod-bias", "--lod on"),
         ];
         match given.into_iter().find(|(given, ..)| *given) {
-            Some((_, flag, with)) => Err(Refusal::Without { flag, with }),
+            Some((_, flag, with)) => {
+                Err(format!("{flag} changes nothing without {with}; add that, or leave {flag} out"))
+            }
             None => Ok(()),
         }
     }

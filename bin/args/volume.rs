@@ -17,7 +17,7 @@ use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, Overlap, ScalarType};
 
 use super::{Switch, ThreadArgs, parse};
-use crate::failure::Refusal;
+use crate::failure::not_of;
 
 /// `oct build`: what other commands build as well, and what only it can.
 #[derive(Debug, Args)]
@@ -300,7 +300,7 @@ impl SkinArgs {
     }
 
     /// Refuses a flag that says nothing about cells, where these are built: they are asked for, or there are labels.
-    pub(crate) fn refuse_ignored(&self, labels: Option<&LabelChoice>) -> Result<(), Refusal> {
+    pub(crate) fn refuse_ignored(&self, labels: Option<&LabelChoice>) -> Result<(), String> {
         let options = BuildOptions { labels: labels.cloned(), ..self.options() };
         let Some((name, of)) = options.ignored() else { return Ok(()) };
         let flag = match name {
@@ -309,7 +309,7 @@ impl SkinArgs {
             "uncertainty" => "--uncertainty",
             _ => "--connectivity",
         };
-        Err(Refusal::NotOf { flag, of })
+        Err(not_of(flag, of))
     }
 }
 
@@ -392,11 +392,11 @@ pub(crate) struct CleanArgs {
 
 impl CleanArgs {
     /// Refuses a rule for components where none are looked for.
-    pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
+    pub(crate) fn refuse_ignored(&self) -> Result<(), String> {
         let looked_for = self.fill_cavities || self.keep_largest.is_some() || self.drop_below.is_some();
         if self.component_connectivity == ComponentConnectivity::Faces6 && !looked_for {
-            let (flag, of) = ("--component-connectivity", "--fill-cavities, --keep-largest and --drop-below");
-            return Err(Refusal::NotOf { flag, of });
+            let of = "--fill-cavities, --keep-largest and --drop-below";
+            return Err(not_of("--component-connectivity", of));
         }
         Ok(())
     }
@@ -454,7 +454,7 @@ impl BuildArgs {
     }
 
     /// Refuses a flag that says nothing about what is built.
-    pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
+    pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), String> {
         self.skin.refuse_ignored(self.labels.as_ref())?;
         self.clean.refuse_ignored()?;
         let grid = &self.mesh.grid;
@@ -465,7 +465,7 @@ impl BuildArgs {
         if let Some((flag, _, of)) = stated.into_iter().find(|(_, given, _)| *given)
             && self.input.iter().all(|path| states_place(path))
         {
-            return Err(Refusal::NotOf { flag, of });
+            return Err(not_of(flag, of));
         }
         let of_meshes = || {
             let given = [
@@ -475,16 +475,30 @@ impl BuildArgs {
             ];
             given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
         };
-        let refusal = match kind {
-            SubjectKind::Volume => grid.flag().map(Refusal::ForMeshes),
-            SubjectKind::Mesh => {
-                let gradient = self.skin.gradient.map(|_| "--gradient");
-                self.volume_flag().or(gradient).map(Refusal::ForVolumes)
+        let gradient = || self.skin.gradient.map(|_| "--gradient");
+        let (flag, of, is) = match kind {
+            SubjectKind::Volume => {
+                (grid.flag(), "meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees (.csg)", "volume")
             }
-            SubjectKind::Tree if self.input.len() > 1 => Some(Refusal::SeveralTrees),
-            SubjectKind::Tree => self.volume_flag().or_else(of_meshes).map(Refusal::ForOthers),
+            SubjectKind::Mesh => (self.volume_flag().or_else(gradient), "volumes", "mesh"),
+            SubjectKind::Tree if self.input.len() > 1 => return Err("a tree of solids (.csg) is built by itself; join several by union() { ... } in one file, and meshes by import()".into()),
+            SubjectKind::Tree => (self.volume_flag().or_else(of_meshes), "volumes", "tree of solids"),
         };
-        refusal.map_or(Ok(()), Err)
+        match flag {
+            None => Ok(()),
+            Some("--dims") => Err(format!(
+                "--dims of a {} needs --voxel and --origin as well; --grid N alone chooses all of them",
+                if kind == SubjectKind::Tree { "tree" } else { is }
+            )),
+            Some(flag) => {
+                let of = if matches!(flag, "--fill" | "--keep-thin") && kind == SubjectKind::Tree {
+                    "meshes"
+                } else {
+                    of
+                };
+                Err(format!("{flag} is for {of}, and the input is a {is}; leave it out"))
+            }
+        }
     }
 
     /// A flag that was given and says something about volumes only.

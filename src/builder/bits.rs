@@ -10,7 +10,6 @@ use crate::platform::PositionalFile;
 use crate::scratch::unnamed_for;
 
 /// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.
-#[derive(Debug)]
 pub(crate) struct BitVolume {
     file: PositionalFile,
     folder: PathBuf,

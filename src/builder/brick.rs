@@ -1,7 +1,7 @@
 //! One brick of 32^3 voxels: from its fragments in scan order to infobytes and channels in Morton order.
 #![expect(clippy::cast_possible_truncation, reason = "codes within a brick are below 2^15")]
 
-use super::error::{BuildError, ScratchFault};
+use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::swap::{BrickEntry, Scratch, read_fragment};
@@ -212,7 +212,7 @@ impl BrickReader {
                 read_fragment(scratch, at, &mut self.stored, &mut self.payload)?;
             }
             if self.unpack().is_none() {
-                return Err(scratch.error(ScratchFault::Changed.into()));
+                return Err(scratch.changed());
             }
         }
         dispatch(WordsKernel { reader: self });

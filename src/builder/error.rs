@@ -142,15 +142,6 @@ impl fmt::Display for Criterion {
     }
 }
 
-/// Damage of a scratch file that can still be read; held by the [`io::Error`] of [`BuildFault::Scratch`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub(crate) enum ScratchFault {
-    #[error("its contents were changed by someone else")]
-    Changed,
-    #[error("the model has too many bricks for this machine")]
-    TooManyBricks,
-}
-
 conversions!(BuildError {
     cause: SourceError => match cause.fault() {
             SourceFault::Stopped => BuildFault::Stopped.into(),
@@ -162,12 +153,6 @@ conversions!(BuildError {
 impl From<Stopped> for BuildError {
     fn from(_: Stopped) -> Self {
         BuildFault::Stopped.into()
-    }
-}
-
-impl From<ScratchFault> for io::Error {
-    fn from(fault: ScratchFault) -> Self {
-        Self::other(fault)
     }
 }
 

@@ -207,7 +207,6 @@ fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &Part, samp
 
 /// Counts of a share of a volume's samples. Tallies of all shares add up to the tally of the whole, whatever the
 /// shares.
-#[derive(Debug)]
 pub(crate) struct Tally {
     counts: Vec<u64>,
     evidence: Evidence,

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use super::brick::{BrickReader, channel_bytes, infobytes};
-use super::error::{BuildError, ScratchFault};
+use super::error::BuildError;
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, GroupCounts, Layout, StoredChannels};
 use super::parts::{RecordForm, Stretch};
@@ -188,8 +188,9 @@ impl<'a> Merge<'a> {
         census: &'a Census,
     ) -> Result<Self, BuildError> {
         let summary_bytes = summary_bytes_of(target.channels);
-        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64)
-            .map_err(|_| scratch.error(ScratchFault::TooManyBricks.into()))?;
+        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64).map_err(|_| {
+            scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
+        })?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
         for e in 1..=census.depth.min(BRICK_LEVELS) {
             node[e as usize] = census.first_node(e);

@@ -23,7 +23,6 @@ const NARROWEST_TILE: u32 = 64;
 const POOL_BYTES: usize = 128 << 10;
 
 /// Sizes of one worker's buffers, and the memory of all workers.
-#[derive(Debug)]
 pub(super) struct ColumnPlan {
     /// The scanned region: the whole grid, or a part of its bricks.
     region: VoxelBox,

@@ -19,7 +19,6 @@ impl Chain {
     pub(super) const EMPTY: Self = Self { first: NONE, last: NONE, bytes: 0 };
 }
 
-#[derive(Debug)]
 pub(super) struct ChunkPool {
     bytes: Vec<u8>,
     next: Vec<u32>,

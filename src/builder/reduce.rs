@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use super::bits::BitVolume;
 use super::brick::{BrickReader, channel_bytes};
 use super::cells::larger::{Bound, Distances, FineBrick, Joiner, LEVELS, ModelNode};
-use super::error::{BuildError, ScratchFault};
+use super::error::BuildError;
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, StoredChannels, boxes_in_brick};
 use super::solid::BRICK;
@@ -370,7 +370,7 @@ impl Reduced {
     pub(super) fn take(&mut self, scratch: &Scratch, len: usize) -> Result<&[u8], BuildError> {
         let from = self.used;
         self.used += len;
-        self.bytes.get(from..self.used).ok_or_else(|| scratch.error(ScratchFault::Changed.into()))
+        self.bytes.get(from..self.used).ok_or_else(|| scratch.changed())
     }
 
     /// Number of nodes with an edge of 2^e of an entry.

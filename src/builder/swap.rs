@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::builder::BuildFault;
 use crate::platform::FileExt;
 
-use super::error::{BuildError, ScratchFault};
+use super::error::BuildError;
 
 pub(super) const ENTRY_BYTES: usize = 32;
 /// Scratch space that a worker takes at a time.
@@ -111,6 +111,11 @@ impl Scratch {
         BuildError::from(BuildFault::Scratch { path: self.folder.clone(), cause })
     }
 
+    /// The failure of a scratch file whose contents make no sense.
+    pub(super) fn changed(&self) -> BuildError {
+        self.error(io::Error::other("its contents were changed by someone else"))
+    }
+
     pub(super) fn written_bytes(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }
@@ -174,7 +179,6 @@ impl Scratch {
 /// One worker's access to the scratch file: fragments are gathered in an extent and written at once.
 ///
 /// Memory: [`EXTENT_BYTES`].
-#[derive(Debug)]
 pub(super) struct FragmentWriter<'a> {
     scratch: &'a Scratch,
     extent: Vec<u8>,
@@ -233,7 +237,7 @@ pub(super) fn read_fragment(
     let raw_len = u32::from_le_bytes(std::array::from_fn(|i| head[12 + i])) as usize;
     let len = (stored_len & !STORED_RAW) as usize;
     if len > EXTENT_BYTES || raw_len > EXTENT_BYTES {
-        return Err(scratch.error(ScratchFault::Changed.into()));
+        return Err(scratch.changed());
     }
     payload.resize(raw_len, 0);
     if stored_len & STORED_RAW != 0 {
@@ -244,7 +248,7 @@ pub(super) fn read_fragment(
     scratch.read(stored, offset + FRAGMENT_HEAD as u64)?;
     match lz4_flex::block::decompress_into(stored, payload) {
         Ok(n) if n == raw_len => Ok(previous),
-        _ => Err(scratch.error(ScratchFault::Changed.into())),
+        _ => Err(scratch.changed()),
     }
 }
 

@@ -15,7 +15,6 @@ pub(super) const GROUP_VOXELS: u32 = GROUP * BRICK;
 pub(super) type WalkedBrick = (u64, BrickEntry);
 
 /// Visits groups of bricks in Morton order; as an iterator it gives their codes and positions.
-#[derive(Debug)]
 pub(super) struct BrickWalk {
     /// Groups along x, y, z: the first visited one, and one past the last.
     first: [u32; 3],

@@ -1,13 +1,12 @@
 //! Errors of cleaning, as values with their sentences.
 
-use std::io;
 use std::path::Path;
 
 use thiserror::Error;
 
 use crate::builder::BuildError;
 use crate::exit::{ExitKind, opaque_error};
-use crate::format::Selection;
+use crate::fault::{Fault, conversions};
 use crate::text::names::DROP_BELOW;
 
 /// Largest value of [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
@@ -23,14 +22,8 @@ opaque_error! {
 pub(crate) enum CleanFault {
     #[error(transparent)]
     Build(BuildError),
-    #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept")]
-    Options {
-        close: u32,
-        /// Number of components to keep, if chosen.
-        keep_largest: Option<u32>,
-    },
-    #[error("the range holds no sample of this volume's type")]
-    NoSample { selection: Selection },
+    #[error("{0}")]
+    Said(Fault),
     #[error("{name}: no component is left; the largest has {largest} voxels: choose {DROP_BELOW} below that")]
     NothingKept { name: String, largest: u64 },
 }
@@ -39,8 +32,8 @@ impl CleanFault {
     fn kind(&self) -> ExitKind {
         match self {
             Self::Build(e) => e.kind(),
-            Self::Options { .. } => ExitKind::Usage,
-            Self::NoSample { .. } | Self::NothingKept { .. } => ExitKind::Input,
+            Self::Said(fault) => fault.exit(),
+            Self::NothingKept { .. } => ExitKind::Input,
         }
     }
 
@@ -60,9 +53,7 @@ impl CleanError {
             _ => None,
         }
     }
-}
 
-impl CleanError {
     /// True if no component is left.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self.fault(), CleanFault::NothingKept { .. })
@@ -78,19 +69,7 @@ impl CleanError {
     }
 }
 
-impl From<BuildError> for CleanError {
-    fn from(cause: BuildError) -> Self {
-        CleanFault::Build(cause).into()
-    }
-}
-
-/// A slice has more than 2^32 runs; held by the [`io::Error`] of a scratch file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a slice has more than 2^32 runs")]
-pub(crate) struct TooManyRuns;
-
-impl From<TooManyRuns> for io::Error {
-    fn from(fault: TooManyRuns) -> Self {
-        Self::other(fault)
-    }
-}
+conversions!(CleanError {
+    cause: BuildError => CleanFault::Build(cause).into(),
+    fault: Fault => CleanFault::Said(fault).into(),
+});

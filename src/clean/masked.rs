@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::bits::BitVolume;
 use crate::builder::RangeTest;
-use crate::volume::{SourceError, SourceFault, VolumeInfo, VolumeSource, Wrapper};
+use crate::volume::{Result, SourceError, SourceFault, VolumeInfo, VolumeSource, Wrapper};
 
 /// Bytes of occupancy that are read at a time: at least one row.
 const READ_BYTES: usize = 32 << 10;
@@ -40,14 +40,7 @@ impl<'a> Masked<'a> {
     }
 
     /// Moves the samples of a block whose rows begin `pitch` bytes apart.
-    fn enforce(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: &Range<u32>,
-        pitch: usize,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn enforce(&self, z: u32, rows: Range<u32>, cols: &Range<u32>, pitch: usize, out: &mut [u8]) -> Result {
         let row_bytes = cols.len() * self.info.scalar.bytes();
         if row_bytes == 0 || rows.is_empty() {
             return Ok(());
@@ -106,13 +99,7 @@ impl Wrapper for Masked<'_> {
         Self::thread_bytes(self.bits.row_words)
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.source.read_rows(z, rows.clone(), cols.clone(), out)?;
         let pitch = (cols.len() * self.info.scalar.bytes()).max(1);
         self.enforce(z, rows, &cols, pitch, out)
@@ -125,7 +112,7 @@ impl Wrapper for Masked<'_> {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.source.read_pitched(z, rows.clone(), cols.clone(), pitch, out)?;
         self.enforce(z, rows, &cols, pitch, out)
     }

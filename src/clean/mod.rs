@@ -45,6 +45,7 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
     self, BuildError, BuildFault, BuildNote, BuildOptions, Progress, choose_noted, for_each_block, range_test,
 };
+use crate::fault::{unfit, usage};
 use crate::format::Selection;
 use crate::geom::Dims;
 use crate::text::some_text;
@@ -350,7 +351,10 @@ impl CleanOptions {
 
     fn check(&self) -> Result<(), CleanError> {
         if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
-            return Err(CleanFault::Options { close: self.close, keep_largest: self.keep_largest }.into());
+            return Err(usage!(
+                "gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept"
+            )
+            .into());
         }
         Ok(())
     }
@@ -441,7 +445,7 @@ impl<'a> CleanJob<'_, 'a> {
         let (selection, note) = choose_noted(self.source, threshold, memory, threads, self.progress)?;
         match range_test(info.scalar, &selection, info.rescale) {
             Some(test) => Ok((selection, test, note)),
-            None => Err(CleanFault::NoSample { selection }.into()),
+            None => Err(unfit!("the range holds no sample of this volume's type").into()),
         }
     }
 

@@ -4,7 +4,6 @@ use std::cmp::Reverse;
 use std::io;
 use std::path::Path;
 
-use super::error::TooManyRuns;
 use super::paged::PagedTable;
 
 /// Slot of a component without a run in the slice.
@@ -164,7 +163,8 @@ impl Sets {
     }
 
     pub(super) fn push(&mut self, component: Component) -> io::Result<u32> {
-        let number = u32::try_from(self.nodes.len()).ok().filter(|n| *n < NO_SLOT).ok_or(TooManyRuns)?;
+        let number = u32::try_from(self.nodes.len()).ok().filter(|n| *n < NO_SLOT);
+        let number = number.ok_or_else(|| io::Error::other("a slice has more than 2^32 runs"))?;
         self.nodes.push(node(component, number))?;
         Ok(number)
     }

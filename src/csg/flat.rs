@@ -66,7 +66,6 @@ conversions!(Stop {
 });
 
 /// A tree of joins, each before its parts, and the made leaves in the order of visiting.
-#[derive(Debug)]
 pub(super) struct Flat<T> {
     pub(super) leaves: Vec<T>,
     /// Memory that leaves hold outside themselves.

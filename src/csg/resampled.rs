@@ -22,7 +22,7 @@ use crate::builder::Progress;
 use crate::geom::Affine;
 use crate::platform::PositionalFile;
 use crate::scratch::{PageCache, unnamed};
-use crate::volume::{ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
+use crate::volume::{Result, ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
 
 /// Cells of a brick along each axis, and its samples: one more.
 const CELLS: u32 = 8;
@@ -89,7 +89,7 @@ impl<'a> ResampledVolume<'a> {
         iso: f64,
         folder: &Path,
         progress: &dyn Progress,
-    ) -> Result<Option<Self>, SourceError> {
+    ) -> Result<Option<Self>> {
         let own = inner.info();
         let Some(back) = placed.after(&own.affine).inverse() else { return Ok(None) };
         let sides = own.dims.to_array();
@@ -127,7 +127,7 @@ impl<'a> ResampledVolume<'a> {
     }
 
     /// Lays the bricks, and finds the lowest and the highest sample that are numbers.
-    fn lay(&self, progress: &dyn Progress) -> Result<(f32, f32), SourceError> {
+    fn lay(&self, progress: &dyn Progress) -> Result<(f32, f32)> {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         let scalar = self.inner.info().scalar;
         let [nx, ny, nz] = self.sides;
@@ -182,7 +182,7 @@ impl<'a> ResampledVolume<'a> {
         (u64::from(k) * by + u64::from(j)) * bx + u64::from(i)
     }
 
-    fn brick<'c>(&self, number: u64, cache: &'c mut Cache) -> Result<&'c [f32], SourceError> {
+    fn brick<'c>(&self, number: u64, cache: &'c mut Cache) -> Result<&'c [f32]> {
         // Neighbours along any axis fall into different slots, nearly always.
         let slot = (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize % SLOTS;
         cache.get(slot, number, |samples| {
@@ -194,7 +194,7 @@ impl<'a> ResampledVolume<'a> {
     }
 
     /// The value at a voxel's middle.
-    fn value(&self, voxel: [u32; 3], cache: &mut Cache) -> Result<f32, SourceError> {
+    fn value(&self, voxel: [u32; 3], cache: &mut Cache) -> Result<f32> {
         let place = self.to_samples.apply(voxel.map(f64::from));
         let (mut brick, mut first, mut parts) = ([0; 3], [0; 3], [0; 3]);
         for axis in 0..3 {
@@ -237,17 +237,11 @@ impl VolumeSource for ResampledVolume<'_> {
         self.inner.for_each_file(each);
     }
 
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    fn check_unchanged(&self) -> Result {
         self.inner.check_unchanged()
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let free = self.caches.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut cache = free.unwrap_or_else(|| Cache::new(SLOTS, BRICK, 0.0));
         let width = cols.len();

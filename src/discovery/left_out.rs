@@ -1,63 +1,35 @@
 //! Files that are not built: their number by kind, and the list of all.
 
-use std::fmt;
-use std::io;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::log::{Log, NONE, Record};
 use crate::platform::OsStrExt;
-use crate::source::dicom::Obstacle;
-use crate::source::{Known, natural_cmp};
-use crate::text::names::{FOLLOW_LINKS, GRID, VOXEL};
+use crate::source::natural_cmp;
 use crate::volume::{Result, SourceError};
 
 /// Reason for leaving out a file or folder.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NotVolume {
-    Empty,
-    Unreadable(io::ErrorKind),
-    Dicom(Obstacle),
-    ModelPicture,
-    SinglePicture,
-    Mesh,
-    Tree,
-    Known(Known),
-    OtherSideCar,
+    /// A reason that no code distinguishes.
+    #[error("{0}")]
+    Said(Cow<'static, str>),
+    #[error("{0}")]
     SideCar(String),
+    #[error(
+        "headerless voxels by its name, which lack a side-car: write NAME.json beside NAME.raw, or beside the folder NAME of slices, with {{\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}}"
+    )]
     Headerless,
+    #[error("not a volume")]
     Unknown,
-    FolderUnreadable,
-    LinkedFolder,
-    FolderTooDeep,
+    #[error("left out for other reasons")]
     Other,
 }
 
-impl fmt::Display for NotVolume {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Empty => f.write_str("empty file"),
-            Self::Unreadable(kind) => write!(f, "cannot be read ({kind})"),
-            Self::Dicom(kind) => kind.fmt(f),
-            Self::ModelPicture => f.write_str("picture of a model"),
-            Self::SinglePicture => f.write_str("single picture, no stack"),
-            Self::Mesh => write!(f, "a triangle mesh, which is taken with {GRID} N or {VOXEL} MM only"),
-            Self::Tree => write!(f, "a tree of solids, which is taken with {GRID} N or {VOXEL} MM only"),
-            Self::Known(known) => known.fmt(f),
-            Self::OtherSideCar => f.write_str("another side-car describes the same data"),
-            Self::SideCar(fault) => f.write_str(fault),
-            Self::Headerless => f.write_str(
-                "headerless voxels by its name, which lack a side-car: write NAME.json beside NAME.raw, or beside the folder NAME of slices, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}",
-            ),
-            Self::Unknown => f.write_str("not a volume"),
-            Self::FolderUnreadable => f.write_str("folder that cannot be read"),
-            Self::LinkedFolder => {
-                write!(f, "folder that a link leads to, which is searched with {FOLLOW_LINKS} only")
-            }
-            Self::FolderTooDeep => f.write_str("folder that lies too deep to be searched"),
-            Self::Other => f.write_str("left out for other reasons"),
-        }
-    }
+/// A reason that no code distinguishes.
+pub(super) fn said(reason: impl Into<Cow<'static, str>>) -> NotVolume {
+    NotVolume::Said(reason.into())
 }
 
 /// Most reasons that are distinguished.

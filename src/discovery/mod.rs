@@ -267,7 +267,7 @@ impl Catalogue {
                 if !record.path.as_os_str().is_empty()
                     && !matches!(item.what, ItemKind::Stack(at) if is_whole(at))
                 {
-                    self.left_out.add(NotVolume::SinglePicture, path)?;
+                    self.left_out.add(left_out::said("single picture, no stack"), path)?;
                     continue;
                 }
             }

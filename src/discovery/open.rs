@@ -13,9 +13,7 @@ use crate::mesh;
 use crate::platform::PositionalFile;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
-use crate::source::{
-    HEAD_BYTES, Known, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder,
-};
+use crate::source::{HEAD_BYTES, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder};
 use crate::synthetic;
 use crate::text::names::{DIMS, DTYPE, GRID, ISO, KEEP_NAMES, RANGE, SCAN, VOLUME, VOXEL};
 use crate::text::shown;
@@ -459,7 +457,7 @@ impl Chooser {
     }
 }
 
-fn known_otherwise(what: Known) -> Fault {
+fn known_otherwise(what: &str) -> Fault {
     bad!(
         "is {what}; DICOM, NRRD, NIfTI, MetaImage, .npy, MRC, VTK, VGStudio, Amira, Zarr, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
     )

@@ -12,7 +12,6 @@ use crate::fault::{Fault, bad};
 use crate::volume::{FileWatch, Placement, Result, SourceError, StatedBy, VolumeSource, place};
 
 /// A side-car of data that states the rest itself.
-#[derive(Debug)]
 pub(super) struct PlacementSidecar {
     /// The side-car.
     path: PathBuf,

@@ -5,7 +5,7 @@
 use crate::platform::{OsStrExt, PositionalFile};
 use std::collections::HashMap;
 use std::fs::Metadata;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::item::{Item, ItemKind, Weight};
@@ -16,12 +16,14 @@ use super::order::{full_path, precedes};
 use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
 use crate::discovery::NotVolume;
+use crate::discovery::left_out::said;
 use crate::mark::is_own_picture;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{
     FORMATS, HEAD_BYTES, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,
 };
 use crate::synthetic;
+use crate::text::names::{GRID, VOXEL};
 use crate::text::plain_head;
 use crate::volume::{Result, SourceFault};
 
@@ -71,7 +73,7 @@ impl<'a> Surveyor<'a> {
     fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class> {
         let left_out = |why: NotVolume| Ok(Class::LeftOut(why));
         if meta.len() == 0 {
-            return left_out(NotVolume::Empty);
+            return left_out(said("empty file"));
         }
         let mut head = Vec::with_capacity(HEAD_BYTES);
         let opened = PositionalFile::open(path).and_then(|file| {
@@ -84,7 +86,7 @@ impl<'a> Surveyor<'a> {
             Err(cause) if named => {
                 return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
             }
-            Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
+            Err(cause) => return left_out(unreadable(&cause)),
         };
         match recognise(&file) {
             Recognition::Image { series, frames, opening_bytes } => {
@@ -102,12 +104,12 @@ impl<'a> Surveyor<'a> {
                     Weight { images: frames, opening_bytes },
                 ));
             }
-            Recognition::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
+            Recognition::NoImage(kind) => return left_out(said(kind.to_string())),
             Recognition::Damaged(_) => return Ok(Class::Item(ItemKind::Damaged, None, Weight::FILE)),
             Recognition::Unreadable(cause) if named => {
                 return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
             }
-            Recognition::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
+            Recognition::Unreadable(cause) => return left_out(unreadable(&cause)),
             Recognition::Foreign => {}
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
@@ -117,7 +119,7 @@ impl<'a> Surveyor<'a> {
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
             // A file given by name is meant, even if the program made it.
             if !named && is_own_picture(&head) {
-                return left_out(NotVolume::ModelPicture);
+                return left_out(said("picture of a model"));
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
             let key = StableHash::new().part(folder).finish();
@@ -130,19 +132,21 @@ impl<'a> Surveyor<'a> {
             Some(SubjectKind::Tree) if self.options.meshes => {
                 return Ok(Class::Item(ItemKind::Tree, None, Weight::of_text(meta.len())));
             }
-            Some(SubjectKind::Mesh) => return left_out(NotVolume::Mesh),
-            Some(SubjectKind::Tree) => return left_out(NotVolume::Tree),
             Some(SubjectKind::Volume) | None => {}
+            Some(kind) => {
+                let what = if kind == SubjectKind::Mesh { "triangle mesh" } else { "tree of solids" };
+                return left_out(said(format!("a {what}, which is taken with {GRID} N or {VOXEL} MM only")));
+            }
         }
         if is_of_zarr_group(path) {
             return Ok(Class::Part);
         }
         if let Some(what) = known(&head) {
-            return left_out(NotVolume::Known(what));
+            return left_out(said(what));
         }
         if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
             if sidecar::is_outdone(path) {
-                return left_out(NotVolume::OtherSideCar);
+                return left_out(said("another side-car describes the same data"));
             }
             return Ok(Class::Item(ItemKind::Sidecar, None, Weight::FILE));
         }
@@ -236,6 +240,10 @@ impl Visitor for Surveyor<'_> {
         // The count is kept even if the name cannot be stored.
         let _ = self.left_out.add(why, path.to_path_buf());
     }
+}
+
+fn unreadable(cause: &io::Error) -> NotVolume {
+    said(format!("cannot be read ({})", cause.kind()))
 }
 
 /// True if the name of a file marks headerless voxels.

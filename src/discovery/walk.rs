@@ -6,10 +6,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::discovery::NotVolume;
+use crate::discovery::left_out::said;
 use crate::fault::bad;
 use crate::platform::{self, below, file_id};
 use crate::synthetic::is_synthetic;
+use crate::text::names::FOLLOW_LINKS;
 use crate::volume::{Result, SourceError, SourceFault};
+
+const UNREADABLE: &str = "folder that cannot be read";
 
 /// Receives the entries of a walk.
 pub(super) trait Visitor {
@@ -100,7 +104,7 @@ fn folder(
     for entry in entries {
         // A folder that fails half-way (a disk on its way out) is reported, and the rest goes on.
         let Ok(entry) = entry else {
-            visitor.not_entered(prefix, NotVolume::FolderUnreadable);
+            visitor.not_entered(prefix, said(UNREADABLE));
             break;
         };
         let name = entry.file_name();
@@ -112,10 +116,11 @@ fn folder(
         let linked = kind.is_symlink().then(|| fs::metadata(entry.path()).ok()).flatten();
         let linked = linked.filter(Metadata::is_dir).and_then(|_| file_id(&entry.path()).ok());
         if linked.is_some_and(|folder| !way.follow || way.entered.contains(&folder)) {
-            visitor.not_entered(&path, NotVolume::LinkedFolder);
+            let reason = format!("folder that a link leads to, which is searched with {FOLLOW_LINKS} only");
+            visitor.not_entered(&path, said(reason));
         } else if kind.is_dir() || linked.is_some() {
             if depth == 0 {
-                visitor.not_entered(&path, NotVolume::FolderTooDeep);
+                visitor.not_entered(&path, said("folder that lies too deep to be searched"));
             } else if let Some((head, meta)) = chunks(input, &path, visitor) {
                 visitor.file(input, &head, &meta)?;
             } else if !visitor.takes_folder(input, &path)? {
@@ -126,7 +131,7 @@ fn folder(
                         folder(input, inside, &path, depth - 1, way, visitor)?;
                         way.entered.pop();
                     }
-                    Err(_) => visitor.not_entered(&path, NotVolume::FolderUnreadable),
+                    Err(_) => visitor.not_entered(&path, said(UNREADABLE)),
                 }
             }
         } else if (kind.is_file() || kind.is_symlink())

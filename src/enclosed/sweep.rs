@@ -89,7 +89,6 @@ impl Fates {
 }
 
 /// Use of fates by a sweep.
-#[derive(Debug)]
 enum History {
     /// No fates.
     Forgotten,

@@ -109,7 +109,6 @@ impl PlanePart {
 }
 
 /// Builds a directory from bytes fed in order: of corners from offsets, or of larger leaves from infobytes.
-#[derive(Debug)]
 pub(crate) struct CornerRankBuilder {
     /// The counted byte value.
     value: u8,

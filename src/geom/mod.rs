@@ -9,11 +9,9 @@ pub(crate) mod angle;
 mod dims;
 pub mod morton;
 mod number;
-mod triangle;
 mod vector;
 
 pub use affine::{Affine, Orientation};
 pub use dims::Dims;
 pub use number::{BoxIndex, Level, NodeIndex, Octant, VoxelIndex};
-pub(crate) use triangle::{Nearest, nearest_on_triangle};
-pub(crate) use vector::{add_scaled, cross, dot};
+pub(crate) use vector::{Nearest, add_scaled, cross, dot, nearest_on_triangle};

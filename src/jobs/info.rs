@@ -46,12 +46,8 @@ pub enum Measured {
     Done(Measures),
     /// Each of its labels was measured alone.
     Labels(LabelMeasures),
-    /// Not measured: the model is packed and would have to be unpacked, which was not asked for.
-    Packed,
-    /// Not measured: it takes long, which was not asked for.
-    Large,
-    /// It has no volume, or is damaged.
-    Impossible,
+    /// It was not measured.
+    Not(NotMeasured),
 }
 
 /// Limits of skin voxels and of rows of the grid up to which a model is measured unasked: half a second or so.
@@ -74,9 +70,9 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let mut info = read_info(path)?;
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
-        Measured::Packed
+        Measured::Not(NotMeasured::Packed)
     } else if !(anyway || is_soon_measured(&info.frame)) {
-        Measured::Large
+        Measured::Not(NotMeasured::Large)
     } else {
         let model = open_model(path)?;
         let measured = Measured::of(&model, &Silent);
@@ -323,28 +319,32 @@ impl Measured {
         let (view, table) = (model.view(), &model.frame().labels);
         if !table.is_empty() {
             let found = measure_labels(&view, table, model.dims(), &model.affine(), progress);
-            return found.map_or(Self::Impossible, Self::Labels);
+            return found.map_or(Self::Not(NotMeasured::Impossible), Self::Labels);
         }
         let is_part = model.metadata().seen_from().is_some();
         let found = measure_until(&view, model.dims(), &model.affine(), is_part, progress);
-        found.map_or(Self::Impossible, |found| Self::Done(found.with_leaves(model.metadata())))
+        found.map_or(Self::Not(NotMeasured::Impossible), |found| {
+            Self::Done(found.with_leaves(model.metadata()))
+        })
     }
 
     /// Lines of the table.
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {
             Self::Done(measures) => measures,
-            Self::Packed => {
+            Self::Not(NotMeasured::Packed) => {
                 return vec![(
                     "measures",
                     format!("none of a packed model; {MEASURE} unpacks it for a moment"),
                 )];
             }
-            Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
+            Self::Not(NotMeasured::Large) => {
+                return vec![("measures", format!("take a while here; {MEASURE} takes them"))];
+            }
             Self::Labels(found) => {
                 return vec![("size", size_text(found.box_mm)), ("extent", extent_text(found.box_mm))];
             }
-            Self::Impossible => {
+            Self::Not(_) => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
         };

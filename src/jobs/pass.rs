@@ -31,7 +31,6 @@ const GROWTH_BYTES: u64 = 256 << 10;
 const TEXT_BYTES: usize = 64 << 10;
 
 /// Gives the pages of models back when there are many. The faster memory grows, the more often it looks.
-#[derive(Debug)]
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
     resident: u64,

@@ -2,7 +2,6 @@
 
 use std::io;
 
-use crate::fault::conversions;
 use crate::format::FormatError;
 use crate::load::LoadFault;
 use crate::platform::FileExt;
@@ -67,10 +66,17 @@ pub enum Fault {
     Format(FormatError),
 }
 
-conversions!(Fault {
-    cause: io::Error => Self::Io(cause),
-    cause: FormatError => Self::Format(cause),
-});
+impl From<io::Error> for Fault {
+    fn from(cause: io::Error) -> Self {
+        Self::Io(cause)
+    }
+}
+
+impl From<FormatError> for Fault {
+    fn from(cause: FormatError) -> Self {
+        Self::Format(cause)
+    }
+}
 
 impl Fault {
     /// Adds the file's name.
@@ -84,7 +90,6 @@ impl Fault {
 }
 
 /// Sequential reader of one byte range; holds one buffer.
-#[derive(Debug)]
 pub(crate) struct Cursor<'a, R: ?Sized> {
     source: &'a R,
     /// Next byte to fetch into the buffer.

@@ -160,7 +160,6 @@ pub(super) struct Binner {
 }
 
 /// Bins that were written.
-#[derive(Debug)]
 pub(super) struct Bins {
     file: File,
     folder: PathBuf,

@@ -14,7 +14,6 @@ const NONE: Ranges = [[i32::MAX, i32::MIN]; 3];
 const FEWEST: u32 = 3;
 
 /// Common findings of workers.
-#[derive(Debug)]
 pub(super) struct Reach {
     /// Centres of voxels within the bounds of the mesh, if these are known.
     wanted: OnceLock<Ranges>,

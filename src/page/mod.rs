@@ -68,7 +68,6 @@ pub(crate) enum Way {
 }
 
 /// Content of a page.
-#[derive(Debug)]
 pub(crate) enum Shown<'a, D> {
     Model(&'a Model<D>, &'a GridSpace),
     /// A scene, by pictures of a server: its least and greatest corner in LPS mm, and its own view in the form that

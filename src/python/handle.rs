@@ -55,7 +55,6 @@ impl AsRef<[u8]> for Bytes {
 
 /// An open model.
 #[pyclass(frozen, module = "infobyte._infobyte")]
-#[derive(Debug)]
 pub(super) struct Handle {
     path: PathBuf,
     bytes: Bytes,

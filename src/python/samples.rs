@@ -12,7 +12,6 @@ use crate::volume::{
 
 /// Contiguous samples in a file, x fastest, in the machine's byte order: read by position, as pages of a mapping would
 /// count as memory of the process.
-#[derive(Debug)]
 pub(super) struct StoredSamples {
     info: VolumeInfo,
     file: PositionalFile,

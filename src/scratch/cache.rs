@@ -3,7 +3,6 @@
 /// A cache of read-only pages, each with a fixed slot; the next page of a slot replaces the one before.
 ///
 /// Memory: [`PageCache::memory_bytes`].
-#[derive(Debug)]
 pub(crate) struct PageCache<K, T> {
     /// Key of the page in each slot.
     held: Vec<Option<K>>,

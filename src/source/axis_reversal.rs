@@ -15,7 +15,6 @@ const BLOCK_BYTES: usize = 1 << 20;
 /// `inner` with its axes reversed: voxel (x, y, z) is its (z, y, x), and spacing and directions change along.
 ///
 /// Holds a block of 1 MiB while it unrolls itself, and one row of a volume whose rows are longer than that.
-#[derive(Debug)]
 pub(super) struct AxisReversal {
     info: VolumeInfo,
     inner: Box<dyn VolumeSource>,

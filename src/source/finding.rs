@@ -1,7 +1,6 @@
 //! Findings: a subject or the reason why it cannot be used, and the files behind it.
 
 use crate::platform::OsStrExt;
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +9,7 @@ use super::{StableHash, Subject};
 use crate::volume::Result;
 
 /// One volume, mesh or tree that was found, or the reason why it cannot be used.
+#[derive(Debug)]
 pub struct Finding {
     /// The file, or the folder of the files, as it was reached from the searched input.
     pub path: PathBuf,
@@ -64,18 +64,6 @@ impl Finding {
             more: 0,
             subject,
         }
-    }
-}
-
-impl fmt::Debug for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Finding")
-            .field("path", &self.path)
-            .field("id", &self.id)
-            .field("part", &self.part)
-            .field("size", &self.size)
-            .field("subject", &self.subject)
-            .finish_non_exhaustive()
     }
 }
 

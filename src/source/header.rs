@@ -74,7 +74,6 @@ impl<'a> Lines<'a> {
 }
 
 /// The fields of a header that may be stated once.
-#[derive(Debug)]
 pub(super) struct Once {
     fields: &'static [&'static str],
     seen: u32,

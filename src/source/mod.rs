@@ -43,7 +43,7 @@ pub(crate) use files::{FileList, base_name};
 pub use finding::{BurnedIn, Finding, InputFiles};
 pub(crate) use formats::{FORMATS, STACKS, Slices, header_of_samples};
 pub(crate) use header::stays;
-pub(crate) use known::Known;
+pub(crate) use known::OCT;
 pub(crate) use known::{HEAD_BYTES, known, known_folder};
 pub(crate) use natural::natural_cmp;
 

@@ -130,7 +130,6 @@ fn samples_of_header(path: &Path) -> Option<PathBuf> {
 }
 
 /// A header, as far as it matters.
-#[derive(Debug)]
 struct Header {
     version: u8,
     endian: Endian,

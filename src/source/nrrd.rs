@@ -404,7 +404,6 @@ fn skip_lines(file: &PositionalFile, start: u64, count: u64) -> std::io::Result<
 }
 
 /// The axes of x, y and z, and the number of volumes that follow each other.
-#[derive(Debug)]
 struct Layout {
     size: [u64; 3],
     volumes: u64,

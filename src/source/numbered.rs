@@ -99,7 +99,6 @@ fn parts(name: &Path) -> (u64, [Option<u64>; FIELDS]) {
 }
 
 /// Files that are numbered alike.
-#[derive(Debug)]
 struct Set {
     template: u64,
     first: [Option<u64>; FIELDS],

@@ -160,7 +160,6 @@ impl Head {
 }
 
 /// The recipe: one picture after another, row by row.
-#[derive(Debug)]
 struct Pictures {
     files: Arc<FileSet>,
     row_bytes: u64,

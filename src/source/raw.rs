@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
-use super::known::{HEAD_BYTES, known};
+use super::known::HEAD_BYTES;
 use super::stored::{DirectSamples, Samples, SliceOffsets};
 use crate::fault::{Fault, bad, unfit, usage};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
 use crate::platform::PositionalFile;
-use crate::source::Known;
+use crate::source::OCT;
 use crate::text::Name;
 use crate::text::names::{DIMS, DTYPE, SKIP, SPACING};
 use crate::volume::{
@@ -241,7 +241,7 @@ fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);
     let read = PositionalFile::open(path)
         .and_then(|file| file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head));
-    read.is_ok() && (known(&head) == Some(Known::Oct) || is_own_picture(&head))
+    read.is_ok() && (head.starts_with(OCT) || is_own_picture(&head))
 }
 
 /// Regular files of a folder in natural order; hidden ones, models, their pictures and subfolders are left out.

@@ -22,9 +22,7 @@ use std::ops::Range;
 
 use self::shape::{Columns, FAR, PIECE, Step, distances};
 use crate::geom::{Affine, Dims};
-use crate::volume::{
-    ImageKind, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
-};
+use crate::volume::{ImageKind, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 /// Edge of the cube in mm at every `side`; 0.45 mm a voxel at 512.
 const EDGE_MM: f32 = 230.4;
@@ -231,13 +229,7 @@ impl VolumeSource for SyntheticHead {
         &self.info
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         if cols.is_empty() {
             return Ok(());
         }

@@ -57,7 +57,6 @@ pub(super) struct Spec {
 }
 
 /// The volume that a text describes.
-#[derive(Debug)]
 pub(super) enum Request {
     /// The head of so many voxels a side.
     Head(u32),

@@ -6,9 +6,7 @@ use super::body::{Body, TrueSurface};
 use super::math::{FAR, Vector, minus, noise, share_below};
 use super::spec::{Sampling, Spec};
 use crate::geom::{Affine, Dims, dot};
-use crate::volume::{
-    ImageKind, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
-};
+use crate::volume::{ImageKind, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 /// A body whose surface is known, sampled on demand.
 ///
@@ -168,13 +166,7 @@ impl VolumeSource for AnalyticVolume {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "made to fit the sample's type")]
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let width = self.info.scalar.bytes();
         for (y, row) in rows.zip(out.chunks_mut((width * cols.len()).max(1))) {
             for (x, bytes) in cols.clone().zip(row.chunks_exact_mut(width)) {

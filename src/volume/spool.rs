@@ -14,7 +14,6 @@ use crate::scratch::unnamed_for;
 use crate::volume::{SourceFault, read_block};
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
-#[derive(Debug)]
 pub(crate) struct Spool {
     file: PositionalFile,
     folder: PathBuf,

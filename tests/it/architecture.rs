@@ -32,7 +32,7 @@ const MAY_SEE: &[(&str, &str)] = &[
         "budget csg exit fault geom identity mark mesh progress scratch source synthetic text volume",
     ),
     ("builder", "atomic budget cpu exit fault format geom progress scratch text volume"),
-    ("clean", "budget builder exit format geom progress scratch text volume"),
+    ("clean", "budget builder exit fault format geom progress scratch text volume"),
     ("mesh", "budget builder codec cpu fault format geom identity scratch source text volume"),
     ("csg", "budget builder fault format geom identity mesh progress scratch source text volume"),
     ("load", "budget cpu exit format geom text"),

@@ -15,7 +15,6 @@ use crate::progress::Progress;
 pub(super) const STEP: usize = 256 << 10;
 
 /// An open part of a plan.
-#[derive(Debug)]
 pub(crate) struct PartFile {
     pub(super) head: Head,
     pub(super) file: PositionalFile,

@@ -88,7 +88,6 @@ impl FromStr for Stage {
 }
 
 /// Result of a stage, for a share of the volume or for all of it.
-#[derive(Debug)]
 pub(crate) enum Finding {
     /// The least and the greatest finite sample; `None` without finite samples.
     Extremes(Option<(f64, f64)>),

@@ -8,7 +8,7 @@ use super::bits::{Bits, Restarts};
 use super::bytes::Bytes;
 use super::huffman::Huffman;
 use super::markers::{Event, Frame, Scan, Tables};
-use super::memory::reserve;
+use super::reserve;
 use crate::codec::{damaged, unsupported};
 
 /// Decodes from the first scan on.

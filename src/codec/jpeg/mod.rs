@@ -27,7 +27,6 @@ mod encoder;
 mod huffman;
 mod lossless;
 mod markers;
-mod memory;
 mod progressive;
 mod sequential;
 mod strip;
@@ -38,9 +37,8 @@ use std::io::Read;
 
 use super::{CodecError, RowSink};
 use crate::codec::damaged;
-use bytes::Bytes;
+use bytes::{BUFFER_BYTES, Bytes};
 use markers::{Event, Process, Tables};
-use memory::reserve;
 
 /// Decodes one frame.
 ///
@@ -72,5 +70,15 @@ pub(crate) fn decode(
             sequential::decode(&mut bytes, &tables, &frame, &scan, memory_bytes, sink)
         }
         _ => progressive::decode(&mut bytes, &mut tables, &frame, scan, memory_bytes, sink),
+    }
+}
+
+/// Checks an allocation of `bytes`, with tables and input buffer, against `allowed_bytes`.
+fn reserve(bytes: u64, allowed_bytes: u64) -> Result<(), CodecError> {
+    let needed_bytes = bytes + Tables::MAX_BYTES + BUFFER_BYTES as u64;
+    if needed_bytes <= allowed_bytes {
+        Ok(())
+    } else {
+        Err(CodecError::Memory { needed_bytes, allowed_bytes })
     }
 }

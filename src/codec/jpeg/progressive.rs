@@ -7,7 +7,7 @@ use super::bytes::Bytes;
 use super::dct::{self, Block, Steps, ZIGZAG};
 use super::huffman::Huffman;
 use super::markers::{Event, Frame, Process, Scan, ScanComponent, Tables};
-use super::memory::reserve;
+use super::reserve;
 use super::sequential::{decode_block, decode_dc, small, too_long};
 use super::strip::{Layout, Strip};
 use crate::codec::damaged;

@@ -6,7 +6,7 @@ use super::bytes::Bytes;
 use super::dct::{self, Block, ZIGZAG};
 use super::huffman::Huffman;
 use super::markers::{Frame, Scan, Tables};
-use super::memory::reserve;
+use super::reserve;
 use super::strip::{Layout, Strip};
 use crate::codec::damaged;
 

@@ -12,9 +12,9 @@
 //! +---------+---------+
 //! ```
 
+use super::MAX_PLANES;
 use super::allowance::Allowance;
 use super::header::{Coding, Parameters};
-use super::limits::MAX_PLANES;
 use crate::codec::{CodecError, damaged, unsupported};
 
 /// A half-open rectangle on a grid.

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
+use super::MAX_LEVELS;
 use super::allowance::Allowance;
 use super::geometry::Rect;
-use super::limits::MAX_LEVELS;
 use crate::codec::{CodecError, damaged, unsupported};
 
 const SOC: u16 = 0xFF4F;

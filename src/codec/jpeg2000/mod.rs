@@ -32,7 +32,6 @@ mod geometry;
 mod header;
 mod ht;
 mod ht_tables;
-mod limits;
 mod mq;
 mod packets;
 mod progression;
@@ -47,7 +46,12 @@ use crate::codec::{damaged, unsupported};
 use allowance::Allowance;
 use geometry::TileLayout;
 use header::{ImageSize, Parameters, TileParts};
-use limits::MAX_PLANES;
+
+/// Magnitude bit planes of a coefficient: one more bit holds the half for the middle of an interval, and one the sign.
+const MAX_PLANES: u32 = 30;
+
+/// Resolution levels above the lowest, by the standard.
+const MAX_LEVELS: usize = 32;
 
 /// Visits of code-blocks and precincts that a frame may take besides [`VISITS_PER_SAMPLE`]: less than a second,
 /// far more than any encoder's choices lead to.

@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
+use super::MAX_PLANES;
 use super::allowance::Allowance;
 use super::geometry::{Grid, Orientation, TileLayout};
 use super::header::{Parameters, TilePart};
-use super::limits::MAX_PLANES;
 use super::progression;
 use crate::codec::{CodecError, damaged, unsupported};
 

@@ -27,7 +27,6 @@ pub(super) enum Block<A> {
     Resized(NewSize),
 }
 
-#[derive(Debug)]
 pub(super) enum Meaning {
     Leaf(Shape),
     Block(Block<Affine>),

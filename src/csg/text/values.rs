@@ -88,7 +88,6 @@ impl List {
     }
 }
 
-#[derive(Debug)]
 pub(super) struct Arguments {
     pub(super) line: u64,
     pub(super) module: String,

@@ -9,14 +9,14 @@ use std::hash::{BuildHasher, Hasher};
 use std::io::{self, Read, Write};
 use std::path::Path;
 
+use super::{BatchRequest, fnv};
 use crate::atomic::AtomicFile;
-use crate::source::StableHash;
+use crate::source::{OpenOptions, StableHash};
 
 /// Name of the file; hidden, as the lock is.
 const NAME: &str = ".oct-key";
 
 /// The random number of an output folder.
-#[derive(Debug)]
 pub(super) struct Key([u64; 2]);
 
 impl Key {
@@ -48,6 +48,28 @@ impl Key {
         let keyed = |hash: StableHash, key: &u64| hash.number(*key).number(fingerprint);
         format!("{:016x}", self.0.iter().fold(StableHash::new(), keyed).finish())
     }
+}
+
+/// One number for everything in the request that the bytes of results depend on.
+pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
+    let b = &request.build;
+    // The selection of volumes changes none of them.
+    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
+    let text = format!(
+        "{:?} {} {:?} {:?} {:?} {:?} {:?} {} {} {how:?} {:?} {:?}",
+        b.threshold,
+        request.find_labels,
+        b.surface,
+        b.error,
+        b.connectivity,
+        b.channels,
+        b.gradient,
+        b.lod,
+        request.thumbnails,
+        request.clean,
+        request.grid.stated()
+    );
+    format!("{:016x}", fnv(text.as_bytes()))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! One batch at a time in an output folder: an advisory lock on a hidden file of the folder.
+//! The output folder, and one batch at a time in it: an advisory lock on a hidden file of the folder.
 //!
 //! The system gives the lock back when the process ends, however it ends. The file is removed by a batch that
 //! ends by itself; a killed one leaves it, and the next batch takes it over. Only its owner removes it, while it
@@ -78,6 +78,26 @@ impl Drop for FolderLock {
 fn is_named(file: &File, path: &Path) -> bool {
     let is_file = fs::symlink_metadata(path).is_ok_and(|named| named.is_file());
     is_file && open_file_id(file).is_ok_and(|open| file_id(path).is_ok_and(|named| open == named))
+}
+
+/// Folders that were made for the results, the innermost first; the empty ones are removed when it is dropped.
+pub(in crate::jobs) struct NewFolders(Vec<PathBuf>);
+
+impl NewFolders {
+    /// Makes a folder and its missing parents.
+    pub(in crate::jobs) fn create(folder: &Path) -> io::Result<Self> {
+        let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
+        let missing = folder.ancestors().take_while(is_missing).map(Path::to_path_buf).collect();
+        fs::create_dir_all(folder)?;
+        Ok(Self(missing))
+    }
+}
+
+impl Drop for NewFolders {
+    fn drop(&mut self) {
+        // A folder that holds something stays.
+        self.0.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    }
 }
 
 #[cfg(test)]

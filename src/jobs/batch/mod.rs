@@ -10,10 +10,8 @@
 //! | file | content |
 //! |---|---|
 //! | `claims` | names of the volumes |
-//! | `folder` | the output folder |
-//! | `key` | key that hides times of change in records |
-//! | `lock` | one batch at a time in an output folder |
-//! | `options` | options of the request, as a number and for people |
+//! | `key` | key that hides times of change in records; options of the request as a number |
+//! | `lock` | the output folder, and one batch at a time in it |
 //! | `settle` | labels or a threshold, without a choice |
 //! | `record` | record of each volume |
 //! | `report` | `report.json` and `report.csv`, and `viewer.html`, a linked page of models |
@@ -21,10 +19,8 @@
 
 mod claims;
 pub(super) mod earlier;
-mod folder;
 mod key;
 mod lock;
-mod options;
 pub(super) mod page;
 mod record;
 mod report;
@@ -61,10 +57,9 @@ use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};
 use crate::volume::{Note, Overlap, SourceError, SourceFault, sentences};
 pub(super) use claims::{Claim, Claims};
-pub(super) use folder::NewFolders;
-use key::Key;
+use key::{Key, options_fingerprint};
 use lock::FolderLock;
-use options::options_fingerprint;
+pub(super) use lock::NewFolders;
 use record::{Journal, Record};
 
 /// Resident code beyond one stage of one job: other jobs are at other stages.

@@ -264,7 +264,6 @@ impl Record {
 }
 
 /// The items of this run, in an unnamed file; 32 bytes of memory for each.
-#[derive(Debug)]
 pub(super) struct Journal(Mutex<(Appended, Vec<Place>)>);
 
 #[derive(Clone, Copy, Debug)]

@@ -225,8 +225,7 @@ impl From<&Measured> for MeasuredFigures {
         let not = |why| Self { not_measured: Some(why), ..Self::default() };
         let m = match measured {
             Measured::Done(measures) => measures,
-            Measured::Packed => return not(NotMeasured::Packed),
-            Measured::Large => return not(NotMeasured::Large),
+            Measured::Not(why) => return not(*why),
             Measured::Labels(found) => {
                 return Self {
                     bounding_box_voxels: Some(found.voxels),
@@ -234,7 +233,6 @@ impl From<&Measured> for MeasuredFigures {
                     ..not(NotMeasured::Labels)
                 };
             }
-            Measured::Impossible => return not(NotMeasured::Impossible),
         };
         let (area, volume) = (m.area_mm2.unzip(), m.volume_mm3.unzip());
         Self {

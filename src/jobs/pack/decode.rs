@@ -19,10 +19,10 @@ use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 use crate::platform::give_back;
 
+use super::Stop;
 use super::encode::finish_frame;
 use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
-use super::stop::Stop;
 use super::stored::{LevelWriters, Stored};
 use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 

@@ -18,8 +18,8 @@ use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify};
 use crate::platform::FileExt;
 
+use super::Stop;
 use super::groups::{Direction, each_group};
-use super::stop::Stop;
 use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 
 /// Packs into an empty file and returns the frame of what was written.

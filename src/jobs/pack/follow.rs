@@ -8,14 +8,12 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use crate::load::ReadAt;
 
 /// Progress of a file's writer.
-#[derive(Debug)]
 struct Written {
     to: u64,
     stopped: bool,
 }
 
 /// A file whose readers wait for bytes that are not written yet.
-#[derive(Debug)]
 pub(super) struct Follow<'a> {
     file: &'a File,
     written: Mutex<Written>,
@@ -62,7 +60,6 @@ impl ReadAt for Follow<'_> {
 }
 
 /// Stops the followed file when it is dropped, also by a panic.
-#[derive(Debug)]
 pub(super) struct StopAtEnd<'a, 'b>(pub(super) &'a Follow<'b>);
 
 impl Drop for StopAtEnd<'_, '_> {

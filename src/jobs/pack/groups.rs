@@ -8,7 +8,7 @@ use crate::format::packed::CodingError;
 use crate::format::packed::group::{Group, GroupCoder};
 use crate::render::picture::pool as pool_of;
 
-use super::stop::Stop;
+use super::Stop;
 
 /// Most workers that decode: each has a group, its grids and its tables, 2.2 MiB. An encoder has one grid more, or the
 /// symbols of a block, and a single worker, so that either stays within 8 MiB for a process.
@@ -24,7 +24,6 @@ pub(super) enum Direction {
 }
 
 /// A group on its way through a coder.
-#[derive(Debug)]
 pub(super) struct Worker<G> {
     coder: G,
     /// The content.

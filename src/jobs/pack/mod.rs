@@ -6,13 +6,11 @@ mod encode;
 mod follow;
 mod groups;
 mod split;
-mod stop;
 mod stored;
 mod stream;
 mod strip;
 
 pub(crate) use split::split;
-pub(crate) use stop::Stop;
 pub use strip::{StripRequest, strip};
 
 use std::fs::File;
@@ -27,12 +25,29 @@ use super::info::ratio;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::Error;
-use crate::format::SurfaceKind;
+use crate::fault::conversions;
+use crate::format::packed::CodingError;
+use crate::format::{FormatError, SurfaceKind};
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, ReadAt};
 use crate::platform::{PositionalFile, give_back};
 use crate::progress::{Progress, Silent, Stopped};
 use crate::text::{data, shown};
 use strip::StripStop;
+
+/// Why packing stopped: at the input, or at the output.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    /// The input is wrong or cannot be read.
+    Input(Fault),
+    /// The output cannot be written or read back.
+    Output(io::Error),
+}
+
+conversions!(Stop {
+    fault: Fault => Self::Input(fault),
+    cause: FormatError => Self::Input(Fault::Format(cause)),
+    cause: CodingError => FormatError::from(cause).into(),
+});
 
 /// Figures of packing or unpacking.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::stop::Stop;
+use super::Stop;
 use super::stream::Writer;
 use super::strip::complete;
 use crate::atomic::AtomicFile;

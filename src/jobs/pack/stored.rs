@@ -7,7 +7,7 @@ use crate::format::packed::{CodingError, GROUP_BYTES_LIMIT, planes};
 use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt};
 
-use super::stop::Stop;
+use super::Stop;
 use super::stream::{Shape, Writer};
 
 /// Stored bytes of one section, read from front to back.

@@ -18,7 +18,6 @@ const BUFFER_BYTES: usize = 64 << 10;
 const LEVEL_BUFFER_BYTES: usize = 16 << 10;
 
 /// Sequential writer to one place of a file; [`Writer::flush`] must be called at the end.
-#[derive(Debug)]
 pub(super) struct Writer<'a> {
     file: &'a File,
     at: u64,
@@ -120,7 +119,6 @@ impl Shape {
 }
 
 /// Gives the subtrees of a mapped file in Morton order, with one cursor per depth.
-#[derive(Debug)]
 pub(super) struct Subtrees<'a, R: ReadAt + ?Sized> {
     cursors: Vec<Cursor<'a, R>>,
     shape: Shape,

@@ -8,8 +8,8 @@
 use std::fs::File;
 use std::path::Path;
 
+use super::Stop;
 use super::encode::finish_frame;
-use super::stop::Stop;
 use super::stream::Writer;
 use super::{PackReport, convert, decode};
 use crate::error::Error;

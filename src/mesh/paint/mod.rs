@@ -73,14 +73,12 @@ const UNCOLORED: [u8; 3] = [236, 226, 208];
 const LAST_PART: u64 = 255;
 
 /// Colours and texture of a material.
-#[derive(Debug)]
 struct Coat {
     color: [f32; 3],
     texture: Option<Texture>,
 }
 
 /// Triangles with their looks.
-#[derive(Debug)]
 pub(super) struct Paint {
     pub(super) wanted: PaintChannels,
     surface: SurfaceKind,

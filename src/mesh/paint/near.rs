@@ -96,7 +96,6 @@ impl NearPlane {
     }
 }
 
-#[derive(Debug)]
 pub(super) struct Sorter {
     boxes: Boxes,
     counts: Vec<u32>,

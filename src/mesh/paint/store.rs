@@ -17,7 +17,6 @@ fn record<const N: usize>(column: &Appended, number: u32) -> io::Result<[f32; N]
     Ok(values)
 }
 
-#[derive(Debug)]
 pub(super) struct Columns {
     /// Material with part and kinds, colours, places and normals.
     kinds: [Appended; 4],

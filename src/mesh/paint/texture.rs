@@ -32,7 +32,6 @@ struct Level {
     offset: u64,
 }
 
-#[derive(Debug)]
 pub(super) struct Levels {
     file: File,
     /// The number of its image, for the pages of workers.
@@ -40,7 +39,6 @@ pub(super) struct Levels {
     levels: Vec<Level>,
 }
 
-#[derive(Debug)]
 pub(super) struct Texture {
     levels: Arc<Levels>,
     wraps: [Wrap; 2],

@@ -195,7 +195,6 @@ pub(super) struct Summary {
     pub(super) looks: [bool; 2],
 }
 
-#[derive(Debug)]
 pub(super) struct MeshFile {
     path: PathBuf,
     unit_mm: f64,
@@ -204,7 +203,6 @@ pub(super) struct MeshFile {
     pub(super) summary: Summary,
 }
 
-#[derive(Debug)]
 enum Kind {
     StlBinary { file: PositionalFile, triangles: u64 },
     StlText { file: PositionalFile },

@@ -18,7 +18,6 @@ pub(super) enum Mark {
 }
 
 /// Six bits for every voxel of a slice: two an axis, of the kind [`Mark`]; and the bits of the solid.
-#[derive(Debug)]
 pub(super) struct Planes {
     /// The slice; no slice of a grid at first.
     pub(super) slice: i32,

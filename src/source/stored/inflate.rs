@@ -11,7 +11,6 @@ use crate::platform::PositionalFile;
 pub(super) const INPUT_BYTES: usize = 32 << 10;
 
 /// Reads part of a file by position: the file's own offset is neither used nor moved.
-#[derive(Debug)]
 pub(in crate::source) struct PositionReader<'a> {
     file: &'a PositionalFile,
     at: u64,

@@ -103,7 +103,6 @@ impl Encoding {
 /// Streams with one slice after another: all slices in one, or the same number in each of several.
 ///
 /// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), for volumes of any size.
-#[derive(Debug)]
 pub(in crate::source) struct Linear {
     pub(in crate::source) files: Arc<FileSet>,
     pub(in crate::source) encoding: Encoding,

@@ -15,7 +15,6 @@ mod open;
 mod samples;
 mod text;
 
-use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -92,16 +91,6 @@ impl StoredVolume {
     /// A volume that is unrolled first.
     pub(super) fn sequential(info: VolumeInfo, recipe: Box<dyn Unroll>) -> Self {
         Self { info, data: Data::Sequential { recipe, spool: None } }
-    }
-}
-
-impl fmt::Debug for StoredVolume {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let unrolled = match &self.data {
-            Data::Direct(_) => None,
-            Data::Sequential { spool, .. } => Some(spool.is_some()),
-        };
-        f.debug_struct("StoredVolume").field("info", &self.info).field("unrolled", &unrolled).finish()
     }
 }
 

@@ -27,7 +27,6 @@ pub(in crate::source) enum Skip {
 }
 
 /// Layout of samples in one or several files, as a header states it.
-#[derive(Debug)]
 pub(in crate::source) struct StoredLayout {
     /// The file to name where the header is wrong; its last part becomes the volume's name.
     pub(in crate::source) header: PathBuf,

@@ -34,7 +34,6 @@ pub(super) struct Entry {
 }
 
 /// A directory: one picture.
-#[derive(Debug)]
 pub(super) struct Directory {
     entries: Vec<Entry>,
     /// Offset of the next directory; 0 behind the last.

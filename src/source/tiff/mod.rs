@@ -453,7 +453,6 @@ fn read_notes(tiff: &Tiff<'_>, directory: &Directory) -> io::Result<Notes> {
 }
 
 /// The recipe of pages that are packed, in tiles, or scattered: a few rows at a time.
-#[derive(Debug)]
 struct Pages {
     files: Arc<FileSet>,
     /// File and directory of each.

@@ -49,7 +49,6 @@ enum Packing {
 }
 
 /// A page, as far as its pixels are concerned.
-#[derive(Debug)]
 pub(super) struct Raster {
     pub(super) width: u32,
     pub(super) height: u32,

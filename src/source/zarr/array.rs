@@ -24,7 +24,6 @@ const LOOKED_AT: usize = 1 << 10;
 const SHORT_INDEX: u64 = 16 << 10;
 
 /// An array, with the layout of its chunks.
-#[derive(Debug)]
 pub(super) struct Array {
     folder: PathBuf,
     /// Voxels along z, y and x.
@@ -45,7 +44,6 @@ pub(super) struct Array {
 }
 
 /// Chunks within the chunks of an array (Zarr 3, `sharding_indexed`).
-#[derive(Debug)]
 struct Shard {
     /// Chunks along each axis of the array.
     counts: Vec<u64>,
@@ -55,7 +53,6 @@ struct Shard {
 }
 
 /// Names of chunks.
-#[derive(Debug)]
 struct Keys {
     prefix: bool,
     separator: char,

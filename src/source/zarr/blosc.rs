@@ -26,7 +26,6 @@ enum Inner {
 }
 
 /// Header before the blocks.
-#[derive(Debug)]
 pub(super) struct Header {
     /// True for a chunk stored plain, without blocks.
     plain: bool,

@@ -52,12 +52,6 @@ pub(super) struct Gltf {
     with_colors: bool,
 }
 
-impl std::fmt::Debug for Gltf {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Gltf").field("meshes", &self.described.root.meshes.len()).finish_non_exhaustive()
-    }
-}
-
 /// True if it begins like a binary file.
 pub(super) fn is_binary(head: &[u8]) -> bool {
     head.starts_with(b"glTF")

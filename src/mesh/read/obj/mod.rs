@@ -24,14 +24,12 @@ const NONE: u32 = u32::MAX;
 /// Bytes of a triangle's look: places, normals and colours of its corners, and its material.
 const CARRIED: usize = 40;
 
-#[derive(Debug)]
 pub(super) struct Obj {
     faces: Faces,
     carried: Option<Carried>,
     parts: Parts,
 }
 
-#[derive(Debug)]
 struct Carried {
     triangles: PositionalFile,
     places: Vertices,

@@ -57,7 +57,6 @@ struct Instance {
 }
 
 /// The content of the texts of an archive.
-#[derive(Debug)]
 struct Contents {
     vertices: Vertices,
     triangles: PositionalFile,
@@ -68,7 +67,6 @@ struct Contents {
     lacks: Vec<String>,
 }
 
-#[derive(Debug)]
 pub(super) struct ThreeMf {
     contents: Contents,
     looks: bool,

@@ -53,7 +53,6 @@ const WINDOW: usize = 2048;
 const SHOWN: usize = 12;
 
 /// The heads of items, read one after the other.
-#[derive(Debug)]
 struct Heads {
     /// Offset of the window in the file, and its filled bytes.
     from: u64,

@@ -4,13 +4,33 @@
 use super::axes::{count, directions};
 use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
-use super::layer::{Layer, Stack};
 use super::mosaic;
 use crate::fault::{Fault, unfit};
 use crate::geom::{Affine, dot};
 use crate::source::GapPolicy;
 use crate::source::dicom::series::gaps::ImageName;
 use crate::volume::Note;
+
+/// Images in order, with their place in the patient.
+pub(crate) struct Stack {
+    /// The slices of the volume, by increasing position.
+    pub(crate) layers: Vec<Layer>,
+    pub(crate) affine: Affine,
+    pub(crate) notes: Vec<Note>,
+}
+
+/// A slice of the volume; numbers are indices into the group's slices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Layer {
+    /// An image.
+    Image(usize),
+    /// A tile of an image.
+    Tile(usize, u32),
+    /// An empty slice that a segmentation leaves out.
+    Empty,
+    /// A missing slice: part of the way from the first image to the second.
+    Between(usize, usize, f64),
+}
 
 /// Tilt in degrees from which it is reported.
 const TILT_DEGREES: f64 = 0.1;

@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::assemble::assemble;
+use super::assemble::{Stack, assemble};
 use super::axes::plane;
 use super::group::{Group, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;

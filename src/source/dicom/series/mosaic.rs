@@ -14,8 +14,8 @@
 //!
 //! An enhanced image has frames of its own and is never a mosaic, even if it claims to be one.
 
+use super::assemble::{Layer, Stack};
 use super::axes::directions;
-use super::layer::{Layer, Stack};
 use crate::fault::{Fault, unfit};
 use crate::geom::{Affine, dot};
 use crate::source::dicom::image::describe::Obstacle;
@@ -46,7 +46,6 @@ pub(crate) struct Mosaic {
 }
 
 /// A mosaic, the size of its tiles, and notes.
-#[derive(Debug)]
 pub(crate) struct MosaicLayout {
     pub(crate) mosaic: Mosaic,
     /// Size of a tile: columns and rows.

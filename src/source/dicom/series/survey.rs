@@ -25,7 +25,6 @@ use crate::volume::Note;
 const OPENING_MOSAIC: u64 = 2600;
 
 /// Kind of a file in terms of DICOM.
-#[derive(Debug)]
 pub(crate) enum Recognition {
     /// An image, of the series with this UID (empty if it names none).
     Image {

@@ -4,8 +4,8 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
+use super::assemble::{Layer, Stack};
 use super::group::{Group, Key, Series, Slice};
-use super::layer::{Layer, Stack};
 use crate::fault::{Fault, bad, unfit};
 use crate::geom::Dims;
 use crate::platform::PositionalFile;
@@ -47,7 +47,6 @@ const CT_BACKGROUND: f64 = -1000.0;
 ///
 /// Holds some 90 bytes a slice with its name (nothing for a tile), and no pixels; where slices are made,
 /// 64 KiB (or one row) for each thread that reads.
-#[derive(Debug)]
 pub(crate) struct DicomVolume {
     info: VolumeInfo,
     files: FileSet,
