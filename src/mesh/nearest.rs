@@ -171,9 +171,7 @@ impl Facet {
         let (ab, ac) = ([t[3] - t[0], t[4] - t[1], t[5] - t[2]], [t[6] - t[0], t[7] - t[1], t[8] - t[2]]);
         let normal =
             [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
-        let along: i128 = (0..3).map(|k| normal[k] * (t[k] - p[k])).sum();
-        let along = along as f64;
-        along
+        (0..3).map(|k| normal[k] * (t[k] - p[k])).sum::<i128>() as f64
     }
 }
 
