@@ -64,7 +64,6 @@ impl Bars {
         Self { bar: shown.then(|| Mutex::new(ProgressBar::hidden())) }
     }
 
-    /// Removes the bar from the terminal.
     /// Shows the progress of some work until its end.
     pub(crate) fn during<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
         let bars = Self::new(silent);

@@ -139,7 +139,7 @@ pub(crate) struct RenderArgs {
     /// Add a scale bar below the picture, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
     pub(crate) annotate: bool,
-    /// Add the file name and the size of the visible labels before cuts, or --title=TEXT, above the picture
+    /// Add the file name and the size of what is visible, before cuts, or --title=TEXT, above the picture
     #[arg(long, value_name = "TEXT", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub(crate) title: Option<String>,
     /// List colours and names of the visible labels on the right, the largest first; for a scene also its models

@@ -142,19 +142,19 @@ impl fmt::Display for Criterion {
     }
 }
 
-conversions!(BuildError {
-    cause: SourceError => match cause.fault() {
+impl From<SourceError> for BuildError {
+    fn from(cause: SourceError) -> Self {
+        match cause.fault() {
             SourceFault::Stopped => BuildFault::Stopped.into(),
             _ => BuildFault::Source(cause).into(),
-        },
-    cause: FormatError => BuildFault::Format(cause).into(),
-});
-
-impl From<Stopped> for BuildError {
-    fn from(_: Stopped) -> Self {
-        BuildFault::Stopped.into()
+        }
     }
 }
+
+conversions!(BuildError {
+    cause: FormatError => BuildFault::Format(cause).into(),
+    _stopped: Stopped => BuildFault::Stopped.into(),
+});
 
 impl BuildFault {
     pub(crate) fn no_room_for_cells(name: String) -> Self {

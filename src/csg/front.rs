@@ -42,10 +42,15 @@ pub(crate) fn unmoved_volumes(path: &Path, memory: MemoryCap) -> Vec<PathBuf> {
     let (mut found, most_bytes) = (Vec::new(), Budget::of_job(memory).left_bytes());
     if let Ok((tree, root)) = read_tree(path, memory) {
         let _ = Flat::new((&tree, root), Affine::from_spacing([1.0; 3]), most_bytes, &mut |met| {
-            if let (Some(Shape::Volume { path, .. }), true) = (met.shape, is_unmoved(met.affine)) {
+            let mut bytes = 0;
+            if let Some(Shape::Volume { path, .. }) = met.shape
+                && is_unmoved(met.affine)
+                && !found.contains(path)
+            {
+                bytes = (size_of::<PathBuf>() + path.as_os_str().len()) as u64;
                 found.push(path.clone());
             }
-            Ok(((), 0))
+            Ok(((), bytes))
         });
     }
     found

@@ -7,7 +7,6 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::build::{BuildFigures, BuildJob, BuildSummary, GridOptions};
-use super::info::boxes;
 use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
@@ -17,7 +16,6 @@ use crate::builder::{BuildOptions, Progress};
 use crate::clean::CleanOptions;
 use crate::error::Error;
 use crate::fault::usage;
-use crate::format::SurfaceKind;
 use crate::source::Subject;
 use crate::synthetic::SyntheticHead;
 use crate::text::{Count, data, shown};
@@ -160,7 +158,7 @@ impl DemoSummary {
                 format!("{} synthetic CT head, {} as a stream", self.built.info.frame.dims(), Bytes(raw)),
             ),
             ("model", format!("{} ({})", shown(&self.files.model), Bytes(r.file_bytes))),
-            (boxes(SurfaceKind::Cells), format!("{} in {} nodes", r.skin_voxels, r.nodes)),
+            ("cells", format!("{} in {} nodes", r.skin_voxels, r.nodes)),
             ("bytes per cell", format!("{:.3}", ratio(r.file_bytes, r.skin_voxels))),
             ("smaller than the volume", format!("{:.0} times", ratio(raw, r.file_bytes))),
             (

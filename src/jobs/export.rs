@@ -45,7 +45,7 @@ pub struct ExportRequest<'a> {
     /// its triangles, and half a voxel apart on the new ones.
     pub error: Option<Tolerance>,
     /// Number of triangles to reduce the surface to, by removing and moving corners; with `error` until either is
-    /// reached. Of labels all together.
+    /// reached. With labels, the total of all.
     pub triangles: Option<u64>,
     /// Limit in voxels along each axis to which walls of labels are smoothed away from the voxels' sides, 0 to
     /// [`MAX_SMOOTH`], the default. At 0 they are the voxels' sides, and volumes are exact.
@@ -80,7 +80,7 @@ pub struct ExportReport {
     pub vertices: u64,
     /// Triangles written.
     pub triangles: u64,
-    /// Triangles before they were made fewer within an error.
+    /// Triangles before they were made fewer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fine_triangles: Option<u64>,
     /// Greatest distance in mm between the written surface and the fine triangles, as measured up to some 8 million of these.
@@ -193,12 +193,13 @@ pub fn export(
 fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec<String> {
     let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
     let mut notes = Vec::new();
+    let each = if labels > 1 { ", as each label keeps 4 at least" } else { "" };
     match request.triangles {
         Some(wanted) if wanted >= fine_triangles => notes.push(format!(
             "the surface has {fine_triangles} triangles, no more than asked for; none was left out"
         )),
         Some(wanted) if request.error.is_none() && triangles > wanted => notes.push(format!(
-            "no closed surface of {wanted} triangles was found; {triangles} are the fewest that were tried"
+            "no closed surface of {wanted} triangles was found{each}; {triangles} are the fewest that were tried"
         )),
         _ if request.error.is_some() && triangles == fine_triangles => notes.push(
             "no closed surface of fewer triangles was found within that error; none was left out".to_owned(),
@@ -206,7 +207,7 @@ fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec
         _ => {}
     }
     if labels > 1 && triangles < fine_triangles {
-        notes.push("each label was reduced by itself, so that walls of neighbours are up to twice the distance apart".to_owned());
+        notes.push("each label was reduced by itself, so the walls of two neighbours differ by up to twice the distance".to_owned());
     }
     if let Some(parts_gone @ 1..) = parts_gone {
         notes.push(format!(

@@ -105,11 +105,11 @@ fn noise_text(noise: &Noise) -> String {
     format!("{inside} inside, {outside} outside; correlation of neighbours {x:.2}, {y:.2}, {z:.2}")
 }
 
-/// The boxes of the finest level, for people.
-pub(crate) fn boxes(surface: SurfaceKind) -> &'static str {
+/// A box of the finest level, for people.
+pub(crate) fn noun(surface: SurfaceKind) -> &'static str {
     match surface {
-        SurfaceKind::Skin => "skin voxels",
-        SurfaceKind::Cells => "cells",
+        SurfaceKind::Skin => "skin voxel",
+        SurfaceKind::Cells => "cell",
     }
 }
 
@@ -256,9 +256,9 @@ fn label_heads(labels: &[LabelFigures], all: bool) -> String {
         return heads;
     }
     let of_volumes =
-        " (of volumes, a quarter of a voxel times the surface: exported meshes stay within that, too)";
+        "; for volumes it is the surface times a quarter of a voxel, which also bounds exported meshes";
     let more = if all { of_volumes } else { "" };
-    format!("{heads}, surface; the true value lies within ± in 19 of 20 cases{more}")
+    format!("{heads}, surface; ± is the error in 19 of 20 cases{more}")
 }
 
 /// A label, for people.

@@ -94,10 +94,9 @@ impl VerifyReport {
     /// Report in one sentence.
     pub fn text(&self) -> String {
         format!(
-            "{}: sound ({} {}, {}, {})\n",
+            "{}: sound ({}, {}, {})\n",
             shown(&self.input),
-            self.skin_voxels,
-            super::info::boxes(self.surface),
+            Count(self.skin_voxels, super::info::noun(self.surface)),
             Count(self.nodes, "node"),
             self.encoding.name()
         )

@@ -44,7 +44,7 @@ impl fmt::Display for WithError {
     }
 }
 
-/// A count and its noun, which has its plural unless the count is 1.
+/// A count and its noun, which has its plural unless the count is 1: of nouns in -y after a consonant, -f and regular ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Count<N>(
     /// The count.

@@ -493,6 +493,22 @@ fn labels_share_a_number_of_triangles_and_are_closed() {
             assert!((part - 1.0).abs() < 0.1, "{label}: {part}");
         }
     }
+    // Fewer than 4 for each label; as many as there are.
+    let reduced = |triangles: u64| {
+        let path = folder.path().join("few.ply");
+        let request = ExportRequest { triangles: Some(triangles), ..ExportRequest::of(ExportForm::Ply) };
+        let few = export(&model, &path, request, &Silent).unwrap();
+        let found = Surfaces::read(&path);
+        found.assert_closed("few");
+        assert_eq!(found.volumes().len(), 5);
+        few
+    };
+    let few = reduced(3);
+    assert!((20..60).contains(&few.triangles), "{few:?}");
+    assert!(few.warnings.iter().any(|note| note.contains("each label keeps 4 at least")), "{few:?}");
+    let all = reduced(fine.triangles);
+    assert_eq!((all.triangles, all.distance_mm), (fine.triangles, Some(0.0)));
+    assert!(all.warnings.iter().any(|note| note.contains("none was left out")), "{all:?}");
 }
 
 /// Labels that are chosen have the triangles that they have among all, whatever their neighbours; a single one has fewer of

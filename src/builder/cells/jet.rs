@@ -112,3 +112,35 @@ pub(super) fn jet_of(depth: impl Fn([usize; 3]) -> f32) -> Jet {
     let [x, y, z, xx, yy, zz, xy, xz, yz, ..] = sums;
     Jet { gradient: [x, y, z], second: [xx * PURE, yy * PURE, zz * PURE, xy * MIXED, xz * MIXED, yz * MIXED] }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_of_one_pass_have_the_bits_of_nine() {
+        let mut state = 1_u32;
+        let depths: [f32; TAPS.pow(3)] = std::array::from_fn(|at| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if at % 7 == 0 { -0.0 } else { (state >> 8) as f32 / 1e3 - 8e3 }
+        });
+        let depth = |[x, y, z]: [usize; 3]| depths[x + TAPS * (y + TAPS * z)];
+        let one = |[along_x, along_y, along_z]: [[f32; TAPS]; 3]| {
+            let mut sum = 0.0_f32;
+            for (z, c) in along_z.into_iter().enumerate() {
+                for (y, b) in along_y.into_iter().enumerate() {
+                    for (x, a) in along_x.into_iter().enumerate() {
+                        sum += a * b * c * depth([x, y, z]);
+                    }
+                }
+            }
+            sum
+        };
+        let jet = jet_of(depth);
+        let scales = [[1.0; 3], [PURE; 3], [MIXED; 3]].concat();
+        let found = jet.gradient.into_iter().chain(jet.second);
+        for ((along, scale), found) in SUMS.into_iter().zip(scales).zip(found) {
+            assert_eq!(found.to_bits(), (one(along) * scale).to_bits());
+        }
+    }
+}

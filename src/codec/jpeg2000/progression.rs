@@ -26,7 +26,7 @@ pub(super) fn walk(
     let layers = progression.layers;
     match progression.order {
         0 | 1 => {
-            crate::order::by(&mut present, Ord::cmp);
+            present.sort_unstable();
             let by_resolution: Vec<&[(u8, u8)]> = present.chunk_by(|a, b| a.0 == b.0).collect();
             let mut level = |reader: &mut Reader<'_>, layer: u16, level: &[(u8, u8)]| {
                 for &at in level {
@@ -51,17 +51,17 @@ pub(super) fn walk(
             }
         }
         2 => {
-            crate::order::by(&mut present, Ord::cmp);
+            present.sort_unstable();
             for group in present.chunk_by(|a, b| a.0 == b.0) {
                 by_position(tile, group, layers, reader)?;
             }
         }
         3 => {
-            crate::order::by_key(&mut present, |&(resolution, component)| (component, resolution));
+            present.sort_unstable_by_key(|&(resolution, component)| (component, resolution));
             by_position(tile, &present, layers, reader)?;
         }
         _ => {
-            crate::order::by_key(&mut present, |&(resolution, component)| (component, resolution));
+            present.sort_unstable_by_key(|&(resolution, component)| (component, resolution));
             for group in present.chunk_by(|a, b| a.1 == b.1) {
                 by_position(tile, group, layers, reader)?;
             }

@@ -4,7 +4,6 @@
 //! measures c for each label. Later rounds share the triangles out in proportion to it, so that all labels have about the
 //! same distance.
 
-use std::io;
 use std::path::Path;
 
 use super::OnePart;
@@ -17,13 +16,17 @@ use crate::scratch;
 /// Rounds of sharing out a number of triangles; the one with the least distance counts.
 const ROUNDS: usize = 3;
 
+/// Triangles of the smallest closed surface.
+const LEAST: u64 = 4;
+
 /// Distance in voxels that stands for a smaller one: flat labels have none.
 const LEAST_APART: f64 = 0.01;
 
 impl Exporter<'_> {
     /// The surfaces of some parts of fewer triangles, and figures of all of them.
     ///
-    /// Memory: that of the largest one. Temporary disk: as much again as for the fine triangles.
+    /// Memory: the surface of the part that has most triangles, and the buffers of three [`Parts`]. Temporary disk: up to
+    /// twice as much as the fine triangles take.
     pub(super) fn fewer_of_parts(
         &self,
         fine: &Parts,
@@ -33,12 +36,14 @@ impl Exporter<'_> {
     ) -> Result<(Parts, Exported), ExportStop> {
         let most: Vec<u64> = which.iter().map(|part| fine.counts(*part)[1]).collect();
         let mut weights: Vec<f64> = most.iter().map(|count| to_f64(*count)).collect();
-        let rounds = if self.triangles.is_some() && which.len() > 1 { ROUNDS } else { 1 };
-        let mut best: Option<(Parts, Exported)> = None;
-        for _ in 0..rounds {
+        let is_shared = self.triangles.is_some_and(|count| which.len() > 1 && count < most.iter().sum());
+        let rounds = if is_shared { ROUNDS } else { 1 };
+        progress.stage("reduce", (rounds * which.len()) as u64);
+        let mut round = || -> Result<(Parts, Exported), ExportStop> {
             let shares = self.triangles.map(|count| shared(count, &weights, &most));
             let (mut few, mut sum) = (Parts::new(scratch::unnamed(scratch)?, wanted), Exported::default());
             for (at, part) in which.iter().enumerate() {
+                progress.check()?;
                 let mut whole = self.fewer(shares.as_ref().map(|shares| shares[at]), progress);
                 fine.each_vertex(*part, |[at, normal]| whole.vertex(&Vertex { at, normal, light: [0; 3] }))?;
                 fine.each_triangle(*part, |corners| whole.triangle(corners, [[0.0; 3]; 3]))?;
@@ -52,27 +57,40 @@ impl Exporter<'_> {
                 sum.within_mm = made.within_mm;
                 sum.parts_gone =
                     Some(sum.parts_gone.unwrap_or_default() + made.parts_gone.unwrap_or_default());
+                progress.advance(1);
             }
-            if best.as_ref().is_none_or(|(_, best)| sum.distance_mm < best.distance_mm) {
-                best = Some((few, sum));
+            Ok((few, sum))
+        };
+        // A label that cannot be reduced has all its triangles, and no distance.
+        let rank = |(_, made): &(Parts, Exported)| {
+            (made.triangles.max(self.triangles.unwrap_or(0)), made.distance_mm.unwrap_or(f64::INFINITY))
+        };
+        let mut best = round()?;
+        for _ in 1..rounds {
+            let next = round()?;
+            if rank(&next) < rank(&best) {
+                best = next;
             }
         }
-        best.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput).into())
+        Ok(best)
     }
 }
 
-/// A number shared out in proportion to weights; no share is greater than its `most`.
+/// A number shared out in proportion to weights; no share is greater than its `most`, or less than [`LEAST`] unless that is.
 fn shared(count: u64, weights: &[f64], most: &[u64]) -> Vec<u64> {
-    let (mut left, mut rest, mut shares) = (count, weights.iter().sum::<f64>(), vec![0; weights.len()]);
+    let mut shares: Vec<u64> = most.iter().map(|most| LEAST.min(*most)).collect();
+    let mut left = count.saturating_sub(shares.iter().sum());
+    let mut rest = weights.iter().sum::<f64>();
     let mut order: Vec<usize> = (0..weights.len()).collect();
     let fills = |at: &usize| to_f64(most[*at]) / weights[*at];
     // A share that is full leaves more to those after it.
     crate::order::by(&mut order, |a, b| fills(a).total_cmp(&fills(b)));
     for at in order {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the number")]
-        let share = (to_f64(left) * (weights[at] / rest).min(1.0)) as u64;
-        shares[at] = share.min(most[at]);
-        left -= shares[at];
+        #[expect(clippy::cast_possible_truncation, reason = "at most the number")]
+        let more = (to_f64(left) * (weights[at] / rest).min(1.0)) as u64;
+        let more = more.min(most[at] - shares[at]);
+        shares[at] += more;
+        left -= more;
         rest -= weights[at];
     }
     shares
@@ -89,9 +107,11 @@ mod tests {
 
     #[test]
     fn a_number_is_shared_out_by_weight_up_to_what_there_is() {
-        assert_eq!(shared(100, &[1.0, 3.0], &[1000, 1000]), [25, 75]);
-        assert_eq!(shared(100, &[1.0, 3.0, 1.0], &[1000, 20, 1000]), [40, 20, 40]);
+        assert_eq!(shared(108, &[1.0, 3.0], &[1000, 1000]), [29, 79]);
+        assert_eq!(shared(112, &[1.0, 3.0, 1.0], &[1000, 24, 1000]), [44, 24, 44]);
         assert_eq!(shared(100, &[5.0, 0.1], &[10, 10]), [10, 10]);
-        assert_eq!(shared(7, &[1.0; 3], &[9; 3]).iter().sum::<u64>(), 7);
+        // Each keeps the least, those with fewer theirs, whatever the number.
+        assert_eq!(shared(20, &[1e5, 1.0, 1.0, 0.0], &[100_000, 100, 100, 0]), [12, 4, 4, 0]);
+        assert_eq!(shared(7, &[1.0; 3], &[9, 9, 2]), [4, 4, 2]);
     }
 }

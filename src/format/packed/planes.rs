@@ -8,7 +8,8 @@ use super::CodingError;
 pub(crate) const BLOCK_BYTES: usize = 1 << 16;
 /// Longest stored block that is accepted: zstd adds a few bytes to content that it cannot shrink.
 pub(crate) const STORED_LIMIT: u32 = 1 << 17;
-/// Compression level: the highest whose state stays near one MiB for such blocks.
+/// Compression level: the highest whose state stays near one MiB for such blocks. `scripts/wheel.sh` leaves out the
+/// compressors of other levels.
 const LEVEL: i32 = 9;
 
 /// Content bytes of a full block with items of `item` bytes.

@@ -14,7 +14,7 @@ use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, LeftOutCount, NOTICE, status};
 use crate::budget::Bytes;
 use crate::format::SurfaceKind;
-use crate::jobs::info::boxes;
+use crate::jobs::info::noun;
 use crate::platform::PositionalFile;
 use crate::source::BurnedIn;
 use crate::text::{self, Count, html};
@@ -252,7 +252,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
             0 => row("inside", format!("{inside}{how}"))?,
             labels => row("labels", labels.to_string())?,
         }
-        row(boxes(surface), m.skin_voxels.to_string())?;
+        row(&format!("{}s", noun(surface)), m.skin_voxels.to_string())?;
         row("model", Bytes(m.bytes).to_string())?;
         row("time", format!("{:.2} s", m.wall_s))?;
         match m.memory_plan_bytes {

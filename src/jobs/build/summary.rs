@@ -6,7 +6,6 @@ use super::LabelModel;
 use crate::budget::{Bytes, MemoryCap, peak_rss_bytes};
 use crate::builder::BuildReport;
 use crate::clean::CleanReport;
-use crate::format::SurfaceKind;
 use crate::jobs::info::{self, Info};
 use crate::text::names::MEMORY;
 use crate::text::{Count, Short, shown};
@@ -50,10 +49,7 @@ impl BuildSummary {
         };
         let per_voxel = r.file_bytes as f64 / info::surface_boxes(&self.info.frame).max(1) as f64;
         let one = info::one_of(&self.info.frame);
-        let kept = match self.info.frame.surface() {
-            SurfaceKind::Skin => "skin voxel",
-            SurfaceKind::Cells => "cell",
-        };
+        let kept = info::noun(self.info.frame.surface());
         let leaves = info::leaves(&self.info.frame);
         let larger =
             if leaves > 0 { format!(" and {}", Count(leaves, "larger leaf")) } else { String::new() };

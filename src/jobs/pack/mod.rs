@@ -83,7 +83,7 @@ impl PackReport {
             Bytes(self.bytes_in),
             Bytes(self.bytes_out),
             self.bytes_per_skin_voxel,
-            super::info::boxes(self.surface).trim_end_matches('s')
+            super::info::noun(self.surface)
         )
     }
 }

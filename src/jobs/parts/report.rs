@@ -10,6 +10,7 @@ use super::{Plan, Stage};
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::parts::Joined;
 use crate::format::SurfaceKind;
+use crate::jobs::info::noun;
 use crate::text::{Count, Short, data, shown};
 
 /// A plan that was written.
@@ -116,18 +117,10 @@ impl PartReport {
     pub fn text(&self) -> String {
         let done = match self.part_voxels {
             _ if self.was_there => "was there, and is sound".into(),
-            Some(voxels) => format!("{voxels} {} in {:.2} s", items(self.surface), self.wall_s),
+            Some(voxels) => format!("{} in {:.2} s", Count(voxels, noun(self.surface)), self.wall_s),
             None => format!("{} in {:.2} s", self.stage.unwrap_or_default(), self.wall_s),
         };
         format!("{}: part {}, {}, {done}\n", shown(&self.output), self.part, Bytes(self.bytes))
-    }
-}
-
-/// Boxes of a surface, in a word.
-fn items(surface: SurfaceKind) -> &'static str {
-    match surface {
-        SurfaceKind::Skin => "skin voxels",
-        SurfaceKind::Cells => "cells",
     }
 }
 
@@ -228,11 +221,10 @@ impl MergeReport {
     /// Report for people.
     pub fn text(&self) -> String {
         format!(
-            "{}: {} joined, {} {}, {}, {} in {:.2} s; peak resident memory {}\n",
+            "{}: {} joined, {}, {}, {} in {:.2} s; peak resident memory {}\n",
             shown(&self.output),
             Count(self.parts, "part"),
-            self.skin_voxels,
-            items(self.surface),
+            Count(self.skin_voxels, noun(self.surface)),
             Count(self.nodes, "node"),
             Bytes(self.bytes),
             self.wall_s,

@@ -44,7 +44,7 @@ pub(super) struct Binary {
     file: PositionalFile,
     /// Length of the file, if the faces are its last element.
     ends: Option<u64>,
-    /// True if more than a triangle takes follows the last face; known once the faces have been read.
+    /// True if at least as many bytes as a triangle takes follow the last face; known once the faces have been read.
     has_more: OnceLock<bool>,
 }
 
@@ -141,7 +141,7 @@ fn least(properties: &[Property]) -> u64 {
     properties.iter().map(|p| p.length.unwrap_or(p.value).bytes()).sum()
 }
 
-/// True if as many bytes as a triangle takes follow a place in a file.
+/// True if at least as many bytes as a triangle takes follow a place in a file.
 fn holds_more(properties: &[Property], bytes: u64, at: u64) -> bool {
     let corners = properties.iter().find(|p| p.is_corners()).map_or(0, |p| 3 * p.value.bytes());
     bytes.saturating_sub(at) >= least(properties) + corners

@@ -256,7 +256,7 @@ class Model:
         `range`; by default those of the quantity.
 
         `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
-        name and the size of what is shown in mm, uncut. `legend`: on the right, colours and names of the labels that are seen, or
+        name and the size of what is visible, before cuts. `legend`: on the right, colours and names of the labels that are seen, or
         the colours of measured values.
 
         `clip`: bounds along axes in LPS mm, such as `{'z': (None, 40)}`; the outside is cut away, and cut faces of closed
@@ -463,7 +463,7 @@ class Model:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
-        as `oct export --triangles`, but no fewer than the 4 of a closed body. `only`: numbers, ranges or names of labels;
+        as `oct export --triangles`, but no fewer than 4 for a closed body or label. `only`: numbers, ranges or names of labels;
         instead of the outside of all labels, the closed surface of each of these in its colour, one after the other, with
         walls between neighbours. `progress` as in `build`.
 
