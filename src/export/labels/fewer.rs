@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(shared(112, &[1.0, 3.0, 1.0], &[1000, 24, 1000]), [44, 24, 44]);
         assert_eq!(shared(100, &[5.0, 0.1], &[10, 10]), [10, 10]);
         // Each keeps the least, those with fewer theirs, whatever the number.
-        assert_eq!(shared(20, &[1e5, 1.0, 1.0, 0.0], &[100_000, 100, 100, 0]), [12, 4, 4, 0]);
+        assert_eq!(shared(20, &[1e5, 1.0, 1.0, 0.0], &[100_000, 100, 100, 0]), [11, 4, 5, 0]);
         assert_eq!(shared(7, &[1.0; 3], &[9, 9, 2]), [4, 4, 2]);
     }
 }

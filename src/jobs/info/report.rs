@@ -171,8 +171,8 @@ pub struct LabelFigures {
     pub voxels: u64,
     /// Volume of these voxels in mm3.
     pub volume_mm3: f64,
-    /// Error of `volume_mm3` to either side: `area_mm2` times a quarter of a voxel. The true volume and the volume of an
-    /// exported mesh, whatever its smoothing, lie within it in 19 of 20 cases; null where the area is.
+    /// Error of `volume_mm3`, `area_mm2` times a quarter of a voxel: in 19 of 20 cases the true volume, and the volume of
+    /// an exported mesh, lie within it; null where the area is.
     pub volume_error_mm3: Option<f64>,
     /// Area of its surface, walls to other labels and of cavities included; null unless it was measured, and
     /// where voxels are more than 100 times as long along one axis as along another.
