@@ -508,11 +508,11 @@ impl ExportReport {
         let mut text =
             format!("{}: {what}{closed}{bodies}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
         if self.separate_bodies > Some(1) {
-            let fewer =
-                self.fine_triangles.map_or("", |_| "; thin bridges come apart where triangles are few");
-            text += &format!(
-                "  for one, build the volume with {KEEP_LARGEST} 1 {COMPONENT_CONNECTIVITY} 6{fewer}\n"
-            );
+            let why = match self.fine_triangles {
+                Some(_) => "thin bridges come apart where triangles are few; if all of them have several",
+                None => "for one",
+            };
+            text += &format!("  {why}, build the volume with {KEEP_LARGEST} 1 {COMPONENT_CONNECTIVITY} 6\n");
         }
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));

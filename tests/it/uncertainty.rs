@@ -46,6 +46,9 @@ fn noise_is_found_in_the_same_bytes_at_any_budget_and_number_of_threads() {
     oct(&["pack", &at("one.oct"), "-o", &at("p.oct"), "--json"]).json();
     oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json();
     assert_eq!(std::fs::read(at("u.oct")).unwrap(), std::fs::read(at("one.oct")).unwrap());
+    let compared = |other: &str| oct(&["compare", &at("one.oct"), &at(other)]).stdout;
+    assert!(compared("plain.oct").contains("build both with --uncertainty"));
+    assert!(compared("five.oct").contains("uncertainty: ") && !compared("five.oct").contains("build both"));
     // The surface is that of a build without it.
     for name in ["one", "plain"] {
         oct(&["export", &at(&format!("{name}.oct")), "-o", &at(&format!("{name}.stl")), "--json"]).json();

@@ -261,20 +261,29 @@ struct Reducer<'a> {
 }
 
 impl Reducer<'_> {
-    /// Within a distance; `None` if no such surface is found.
+    /// Within a distance, or to the wanted number if that is reached before; `None` if no such surface is found.
     fn within(&self, mm: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
-        if self.wanted > LEAST {
-            // Patches might have fewer triangles than are wanted.
-            let start = self.start();
-            for part in LIMITS {
-                if let Some(fewer) = self.reduced(&start, part * mm, mm, locks)?
-                    && fewer.distance_mm <= mm
-                {
-                    return Ok(Some(fewer));
-                }
-            }
-            return Ok(None);
+        let count = |fewer: &Fewer| fewer.surface.faces.len();
+        let mut found = self.patched(mm, locks)?;
+        if self.wanted <= LEAST || found.as_ref().is_some_and(|fewer| count(fewer) >= self.wanted) {
+            return Ok(found);
         }
+        let start = self.start();
+        for part in LIMITS {
+            let Some(fewer) = self.reduced(&start, part * mm, mm, locks)? else { continue };
+            if fewer.distance_mm > mm {
+                continue;
+            }
+            if found.is_none() || count(&fewer) <= self.wanted {
+                found = Some(fewer);
+            }
+            break;
+        }
+        Ok(found)
+    }
+
+    /// Within a distance, patch by patch; `None` if no such surface is found.
+    fn patched(&self, mm: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
         let mut surface = self.start();
         for (shift, part) in PASSES {
             self.patches(&mut surface, shift, part * mm, locks);

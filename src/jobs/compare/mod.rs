@@ -463,6 +463,14 @@ impl Found {
             peak_rss_bytes: 0,
             wall_s: 0.0,
         };
+        if let [Doubt::Volume(_), Doubt::Unknown] | [Doubt::Unknown, Doubt::Volume(_)] =
+            [job.one.doubt, job.other.doubt]
+        {
+            report.warnings.push(
+                "one of the models does not state how uncertain it is, so no interval is given; build both with --uncertainty"
+                    .to_owned(),
+            );
+        }
         report.warn(distances.contains(&Some(f64::INFINITY)));
         report
     }

@@ -243,8 +243,8 @@ impl CompareReport {
         }
         if self.border.cells > 0 {
             self.warnings.push(format!(
-                "{} cell(s) at the border of the volume were not compared: the surface there may be where the volume ends",
-                self.border.cells
+                "{} at the border of the volume were not compared: the surface there may be where the volume ends",
+                Count(self.border.cells, "cell")
             ));
         }
     }
@@ -287,7 +287,7 @@ impl CompareReport {
             let (to, within) = (Short(to_nominal), Short(self.hausdorff.within_mm));
             let _ = writeln!(
                 text,
-                "  Hausdorff distance: {to} mm{}; at most {within} more between the places measured",
+                "  Hausdorff distance: {to} mm{}, at corners of cells, too; at most {within} more between the places measured",
                 back.unwrap_or_default()
             );
         }
@@ -319,11 +319,14 @@ impl CompareReport {
                 );
             }
         }
+        if !self.worst.is_empty() {
+            text += "  worst places: deviation, place (LPS), area of their cells\n";
+        }
         for place in &self.worst {
             let [x, y, z] = place.at_mm.map(Short);
             let (d, area) = (Short(place.d_mm), Short(place.area_mm2));
             let d = place.u_mm.map_or_else(|| d.to_string(), |u| format!("{d} +- {}", Short(u)));
-            let _ = writeln!(text, "  {d} mm at {x}, {y}, {z} mm (LPS), {area} mm2");
+            let _ = writeln!(text, "    {d} mm at {x}, {y}, {z} mm, {area} mm2");
         }
         for warning in &self.warnings {
             let _ = writeln!(text, "  note: {warning}");

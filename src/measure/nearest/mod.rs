@@ -129,7 +129,8 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all.
+    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all;
+    /// the middle of a cell without any.
     pub(crate) fn sample(&self, place: Place) -> Sample {
         let (mut sample, mut largest) = (Sample::default(), -1.0);
         self.facets(place, |_, facet| {
@@ -139,6 +140,9 @@ impl<'a> Surface<'a> {
                 (largest, sample.point, sample.normal) = (area, point, facet.normal);
             }
         });
+        if largest < 0.0 {
+            sample.point = self.middle(place.low, place.level).0;
+        }
         sample
     }
 
