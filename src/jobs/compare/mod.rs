@@ -26,6 +26,7 @@ use crate::measure::statistics::Distribution;
 use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
+use crate::text::names::UNCERTAINTY;
 
 use farthest::Farthest;
 pub use report::{
@@ -466,10 +467,9 @@ impl Found {
         if let [Doubt::Volume(_), Doubt::Unknown] | [Doubt::Unknown, Doubt::Volume(_)] =
             [job.one.doubt, job.other.doubt]
         {
-            report.warnings.push(
-                "one of the models does not state how uncertain it is, so no interval is given; build both with --uncertainty"
-                    .to_owned(),
-            );
+            report.warnings.push(format!(
+                "one of the models does not state how uncertain it is, so no interval is given; build both with {UNCERTAINTY}"
+            ));
         }
         report.warn(distances.contains(&Some(f64::INFINITY)));
         report
