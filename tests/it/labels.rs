@@ -176,10 +176,10 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     assert!(shown.stdout.contains("liver, #102030, "), "{}", shown.stdout);
     let text = oct(&["info", path.to_str().unwrap()]);
     assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
-    let heads = "colour, voxels, volume, surface; the true value lies within ± in 19 of 20 cases";
+    let heads = "colour, voxels, volume, surface; ± is the error in 19 of 20 cases";
     assert!(text.stdout.contains(heads) && shown.stdout.contains(&format!("name, {heads}\n")), "{text:?}");
     let all = oct(&["info", "--all", path.to_str().unwrap()]);
-    assert!(all.stdout.contains("of volumes, a quarter of a voxel times the surface"), "{all:?}");
+    assert!(all.stdout.contains("for volumes it is the surface times a quarter of a voxel"), "{all:?}");
     let page = folder.path().join("m.html");
     assert_eq!(oct(&["export", named.to_str().unwrap(), "-o", page.to_str().unwrap()]).code, 0);
     assert!(std::fs::read_to_string(&page).unwrap().contains("left rib"));
