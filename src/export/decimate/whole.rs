@@ -265,7 +265,7 @@ impl Reducer<'_> {
     fn within(&self, mm: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
         let count = |fewer: &Fewer| fewer.surface.faces.len();
         let mut found = self.patched(mm, locks)?;
-        if self.wanted <= LEAST || found.as_ref().is_some_and(|fewer| count(fewer) >= self.wanted) {
+        if self.wanted <= LEAST {
             return Ok(found);
         }
         let start = self.start();
@@ -274,7 +274,8 @@ impl Reducer<'_> {
             if fewer.distance_mm > mm {
                 continue;
             }
-            if found.is_none() || count(&fewer) <= self.wanted {
+            let is_fewest = found.as_ref().is_none_or(|found| count(&fewer) < count(found));
+            if is_fewest || count(&fewer) <= self.wanted {
                 found = Some(fewer);
             }
             break;
