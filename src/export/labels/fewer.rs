@@ -78,6 +78,9 @@ impl Exporter<'_> {
 
 /// A number shared out in proportion to weights; no share is greater than its `most`, or less than [`LEAST`] unless that is.
 fn shared(count: u64, weights: &[f64], most: &[u64]) -> Vec<u64> {
+    if count >= most.iter().sum() {
+        return most.to_vec();
+    }
     let mut shares: Vec<u64> = most.iter().map(|most| LEAST.min(*most)).collect();
     let mut left = count.saturating_sub(shares.iter().sum());
     let mut rest = weights.iter().sum::<f64>();
