@@ -17,10 +17,10 @@ use crate::scratch;
 const ROUNDS: usize = 3;
 
 /// Triangles of the smallest closed surface.
-const LEAST: u64 = 4;
+const MIN_TRIANGLES: u64 = 4;
 
 /// Distance in voxels that stands for a smaller one: flat labels have none.
-const LEAST_APART: f64 = 0.01;
+const MIN_APART: f64 = 0.01;
 
 impl Exporter<'_> {
     /// The surfaces of some parts of fewer triangles, and figures of all of them.
@@ -49,7 +49,7 @@ impl Exporter<'_> {
                 fine.each_triangle(*part, |corners| whole.triangle(corners, [[0.0; 3]; 3]))?;
                 let made = whole.reduce(Exported { triangles: most[at], ..Exported::default() })?;
                 whole.hand_on(&mut OnePart(&mut few, *part))?;
-                let apart_mm = made.distance_mm.unwrap_or_default().max(LEAST_APART * self.voxel_mm());
+                let apart_mm = made.distance_mm.unwrap_or_default().max(MIN_APART * self.voxel_mm());
                 weights[at] = to_f64(made.triangles) * apart_mm;
                 sum.triangles += made.triangles;
                 sum.fine_triangles += made.fine_triangles;
@@ -76,12 +76,12 @@ impl Exporter<'_> {
     }
 }
 
-/// A number shared out in proportion to weights; no share is greater than its `most`, or less than [`LEAST`] unless that is.
+/// A number shared out in proportion to weights; no share is greater than its `most`, or less than [`MIN_TRIANGLES`] unless that is.
 fn shared(count: u64, weights: &[f64], most: &[u64]) -> Vec<u64> {
     if count >= most.iter().sum() {
         return most.to_vec();
     }
-    let mut shares: Vec<u64> = most.iter().map(|most| LEAST.min(*most)).collect();
+    let mut shares: Vec<u64> = most.iter().map(|most| MIN_TRIANGLES.min(*most)).collect();
     let mut left = count.saturating_sub(shares.iter().sum());
     let mut rest = weights.iter().sum::<f64>();
     let mut order: Vec<usize> = (0..weights.len()).collect();
