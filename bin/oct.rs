@@ -32,7 +32,7 @@ use infobyte::jobs::compare::{CompareOutputs, Verdict};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::names::read_label_names;
-use infobyte::jobs::opened::open_model;
+use infobyte::jobs::open_model::open_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::pores::PoresRequest;

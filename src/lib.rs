@@ -140,7 +140,6 @@ mod compress;
 pub mod cpu;
 pub mod csg;
 pub mod discovery;
-mod enclosed;
 pub mod error;
 mod exit;
 pub mod export;
@@ -148,10 +147,10 @@ mod fault;
 pub mod format;
 pub mod geom;
 mod identity;
+mod interior;
 pub mod intersect;
 pub mod jobs;
 pub mod load;
-mod mark;
 mod measure;
 #[cfg(test)]
 #[path = "../tests/it/common/memory_tree.rs"]
@@ -159,6 +158,7 @@ mod memory_tree;
 pub mod mesh;
 mod order;
 mod page;
+mod picture_mark;
 mod platform;
 pub mod progress;
 #[cfg(feature = "python")]

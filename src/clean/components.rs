@@ -31,9 +31,9 @@ use std::path::Path;
 
 use super::bits::{BitVolume, RowWindow, Run, fill, find_runs, scratch_error};
 use super::paged::PagedTable;
-pub(super) use super::sets::Component;
-use super::sets::Sets;
 use super::stream::{BUFFER_BYTES, Cursor, Stream};
+pub(super) use super::union_find::Component;
+use super::union_find::Sets;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::builder::BuildError;
 use crate::geom::Dims;

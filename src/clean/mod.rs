@@ -27,8 +27,8 @@ mod error;
 mod masked;
 mod paged;
 mod preset;
-mod sets;
 mod stream;
+mod union_find;
 
 pub use components::ComponentConnectivity;
 use error::CleanFault;

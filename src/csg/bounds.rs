@@ -1,7 +1,7 @@
 //! Bounds of a tree: the box in mm that a grid is put around.
 
 use super::fault::At;
-use super::flat::{Flat, Kind, Part, PlacedShape, Stop};
+use super::normal_form::{Flat, Kind, Part, PlacedShape, Stop};
 use super::tree::{NodeId, Shape, Tree};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use super::flat::MAX_LEAVES;
+use super::normal_form::MAX_LEAVES;
 use crate::fault::{Fault, FaultKind, bad};
 use crate::mesh::MAX_VOXELS;
 use crate::text::names::{GRID, UNIT, VOXEL};

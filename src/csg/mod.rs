@@ -28,26 +28,26 @@
 
 mod bounds;
 mod cells;
-mod describe;
 mod facets;
 mod fault;
 mod findings;
-mod flat;
-mod front;
+mod import;
 mod leaf;
+mod normal_form;
 mod offset;
 mod place;
 mod program;
 mod read;
 mod resampled;
 mod sampled;
+mod skin_normals;
 mod solid;
 mod text;
 mod tree;
 mod wide;
 
 pub use findings::CsgFacts;
-pub(crate) use front::unmoved_volumes;
+pub(crate) use import::unmoved_volumes;
 pub(crate) use read::{check_links, is_tree, memory_bound, named_files};
 pub use read::{parse_tree, read_tree};
 pub use tree::{Faces, NodeId, Operation, Shape, Tree};
@@ -61,7 +61,7 @@ use crate::mesh::GridChoice;
 use crate::platform::give_back;
 use crate::volume::VolumeSource;
 use cells::CsgCells;
-use front::Front;
+use import::Front;
 use solid::CsgSolid;
 
 /// A tree with its root, name and volumes.

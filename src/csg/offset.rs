@@ -19,7 +19,7 @@
 //! step of 2^-12 voxel at most.
 
 use super::bounds::corners;
-use super::flat::MAX_LEAVES;
+use super::normal_form::MAX_LEAVES;
 use super::tree::{Node, NodeId, Operation, Shape, Tree};
 use crate::csg::fault::{At, bad_size, singular, too_many};
 use crate::fault::{Fault, bad};

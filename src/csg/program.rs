@@ -8,7 +8,7 @@
 //! however deep the tree is. In a box most leaves are all in or all out; the rest of the program then is as long as the
 //! surface there is complicated.
 
-use super::flat::{Flat, Kind, Part};
+use super::normal_form::{Flat, Kind, Part};
 use crate::builder::Cover;
 
 /// One step: a join, or a leaf with a bit that is set for its complement.
@@ -19,7 +19,7 @@ const OR: Step = 1 << 30;
 
 /// Places of a stack: more than log2 of the most leaves.
 pub(super) const STACK: usize = 24;
-const _: () = assert!(super::flat::MAX_LEAVES <= 1 << (STACK - 3));
+const _: () = assert!(super::normal_form::MAX_LEAVES <= 1 << (STACK - 3));
 
 /// The leaf of a step, and true for its complement; `None` for a join.
 #[inline]

@@ -10,11 +10,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::describe::Description;
 use super::leaf::{Extent, Leaf, Nested, Rows};
 use super::place::LatticeGrid;
 use super::program::{self, Apart, Inverse, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
+use super::skin_normals::Description;
 use crate::builder::{
     BuildError, BuildFault, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile,
     VoxelBox,

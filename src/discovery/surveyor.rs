@@ -17,7 +17,7 @@ use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
 use crate::discovery::NotVolume;
 use crate::discovery::left_out::said;
-use crate::mark::is_own_picture;
+use crate::picture_mark::is_own_picture;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{
     FORMATS, HEAD_BYTES, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,

@@ -19,11 +19,11 @@ use super::bits::Bits;
 use super::cases::{AMBIGUOUS_HIGH, CASES, edge_at, ends, is_inside, others};
 use super::fault::ExportFault;
 use super::patch::{Patch, Spot, Spots, singles};
-use super::tint::{Light, Mixture};
+use super::vertex_color::{Light, Mixture};
 use super::write::{Sink, Vertex, unit};
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::enclosed::Rows;
 use crate::geom::Affine;
+use crate::interior::Rows;
 
 /// A cube that the surface passes through, and the vertex of its first patch.
 #[derive(Clone, Copy, Debug, Default)]

@@ -28,7 +28,6 @@
 //! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ, GLB and 3MF |
 
-mod apart;
 mod bits;
 mod bodies;
 mod boundary;
@@ -41,8 +40,9 @@ mod mask;
 mod mesh;
 mod patch;
 mod regions;
-mod signs;
-mod tint;
+mod sample_signs;
+mod threaded;
+mod vertex_color;
 mod write;
 
 pub use fault::ExportFault;
@@ -54,24 +54,24 @@ use std::fs::File;
 use std::io::{self, Seek};
 use std::path::Path;
 
-use crate::enclosed::{Fates, Outward, Rows, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
+use crate::interior::{Fates, Outward, Rows, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
 use crate::render::shade::Shader;
 use crate::scratch;
 
-use apart::{Ground, Slices};
 use bits::Bits;
 use boundary::Bounded;
 use decimate::{Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
-use signs::{Boxes, Extent, Item};
-use tint::{Lights, UNCOLORED};
+use sample_signs::{Boxes, Extent, Item};
+use threaded::{Ground, Slices};
+use vertex_color::{Lights, UNCOLORED};
 use write::{Glb, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
 
 /// The form of an exported file.
@@ -374,7 +374,8 @@ impl Exporter<'_> {
         })?;
         let Some(surface) = surface else { return Ok(None) };
         let shader = Shader::new();
-        let color = |light: &tint::Light| light.map(|light| shader.encode(f64::from(light) / 65535.0));
+        let color =
+            |light: &vertex_color::Light| light.map(|light| shader.encode(f64::from(light) / 65535.0));
         let colors = surface.lights.iter().map(color).collect();
         let (vertices, faces, normals) = (surface.at, surface.faces, surface.normals);
         Ok(Some(Mesh { vertices, faces, normals, colors }))

@@ -3,13 +3,13 @@
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "components of 8 bits")]
 
 use super::cases::{CROSSED, Crossed, EDGES, ENDS, is_inside};
-use super::signs::Item;
-use super::tint::{Light, Lights, Mixture};
+use super::sample_signs::Item;
+use super::vertex_color::{Light, Lights, Mixture};
 use super::write::unit;
-use crate::enclosed::Rows;
 use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::format::normal;
 use crate::geom::VoxelIndex;
+use crate::interior::Rows;
 use crate::load::{CellItems, ModelView, NodeView};
 use crate::render::GridSpace;
 

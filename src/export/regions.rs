@@ -6,10 +6,10 @@
 use std::io;
 
 use super::bits::Bits;
-use super::signs::Item;
+use super::sample_signs::Item;
 use super::{Bounds, ExportStop, Exporter, Product};
-use crate::enclosed::{Rows, SkinVoxel, extent};
 use crate::format::cell::{HAS_CORNERS, Plane};
+use crate::interior::{Rows, SkinVoxel, extent};
 use crate::load::{CellShape, ModelView, NodeView};
 use crate::progress::Progress;
 

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_model;
+use super::open_model::open_model;
 use super::render::RenderRequest;
 use super::scene::picture_of;
 use super::verify::{verify_file, verify_unless_packed};

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::measure::{LabelMeasures, Measures, label_volume_error, measure_labels, measure_until};
-use super::opened::open_model;
+use super::open_model::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_model;
+use super::open_model::open_model;
 use super::verify::verify_file;
 use crate::budget::peak_rss_bytes;
 use crate::error::Error;

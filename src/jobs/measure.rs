@@ -19,11 +19,11 @@ mod labels;
 pub use labels::LabelMeasures;
 pub(super) use labels::{areas as wall_areas, label_volume_error, measure_labels};
 
-use super::within::Within;
-pub use crate::enclosed::Enclosed;
-use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
+use super::cell_volume::Within;
 use crate::format::{Metadata, normal};
 use crate::geom::{Affine, Dims, VoxelIndex, dot};
+pub use crate::interior::Enclosed;
+use crate::interior::{Outward, SkinSlices, Sweep, extent};
 use crate::load::{ModelView, NodeView};
 use crate::progress::{Progress, Silent};
 use crate::render::GridSpace;

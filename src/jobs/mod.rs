@@ -6,6 +6,7 @@
 
 pub mod batch;
 pub mod build;
+mod cell_volume;
 pub mod compare;
 #[doc(hidden)]
 pub mod demo;
@@ -20,24 +21,23 @@ pub mod measure;
 pub mod names;
 pub(crate) mod nearest;
 #[doc(hidden)]
-pub mod opened;
+pub mod open_model;
 pub mod pack;
 pub mod parts;
 mod pass;
 pub mod picture;
+mod picture_memory;
+#[doc(hidden)]
+pub mod picture_set;
 pub mod pores;
-mod relief;
 pub mod render;
 #[doc(hidden)]
 pub mod report;
 pub mod scan;
 pub mod scene;
 mod schema;
-#[doc(hidden)]
-pub mod shots;
 pub mod thickness;
 pub mod verify;
 pub mod view;
-mod within;
 
 pub use crate::platform::{give_back, map_large_buffers};

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use super::export::commit;
-use super::opened::scratch_beside;
+use super::open_model::scratch_beside;
 use crate::atomic::AtomicFile;
 use crate::budget::resident_bytes;
 use crate::error::Error;

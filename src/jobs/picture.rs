@@ -6,11 +6,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::frame::{Frame, size_title};
-use super::opened::open_model;
-use super::relief::Relief;
+use super::open_model::open_model;
+use super::picture_memory::Relief;
+use super::picture_set::{self, FrameNames, Shots};
 use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whole, thumbnail_within};
 use super::scene::OpenScene;
-use super::shots::{self, FrameNames, Shots};
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
 use crate::error::Error;
 use crate::fault::usage;
@@ -186,7 +186,7 @@ pub fn render_file(
             report
         } else {
             let mut report: Option<RenderReport> = None;
-            shots::write(outputs.shots, layers, &frame, begin, progress, |shot, seen, progress| {
+            picture_set::write(outputs.shots, layers, &frame, begin, progress, |shot, seen, progress| {
                 let (size, point) = (Some(shot.size), shot.point.or(request.point));
                 let request = RenderRequest { size, point, ..request.clone() };
                 let (image, own, shown) = paint_whole(bodies, &request, progress, &relief)?;

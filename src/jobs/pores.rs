@@ -12,11 +12,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::cell_volume::Within;
 use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
 use super::measure::wall_areas;
-use super::opened::{open_model, refuse_larger_leaves, scratch_beside};
+use super::open_model::{open_model, refuse_larger_leaves, scratch_beside};
 use super::verify::verify_unless_packed;
-use super::within::Within;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
 use crate::error::{Error, keeps_part};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::relief::Relief;
+use super::picture_memory::Relief;
 use crate::fault::usage;
 use crate::format::ColorMap;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};

@@ -4,8 +4,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::frame::label_entries;
-use super::opened::open_model;
-use super::relief::Relief;
+use super::open_model::open_model;
+use super::picture_memory::Relief;
 use super::render::{Bodies, RenderReport, RenderRequest, paint_whole};
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::info::content_checksum;
-use super::opened::unpacked;
+use super::open_model::unpacked;
 use crate::error::Error;
 use crate::format::{Encoding, SurfaceKind};
 use crate::load::{self, FileIdentity, Frame, LoadError, LoadFault};

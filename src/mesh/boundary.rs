@@ -279,7 +279,7 @@ fn close_loop(
 
 #[cfg(test)]
 mod tests {
-    use super::super::census::{Census, Closed};
+    use super::super::edge_parity::{Census, Closed};
     use super::*;
 
     /// A grid of squares, each of two triangles.

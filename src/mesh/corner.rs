@@ -1,6 +1,6 @@
 //! Corners of triangles on the lattice: a vertex is placed and hashed once, for all triangles that name it.
 
-use super::census::vertex_hash;
+use super::edge_parity::vertex_hash;
 use super::lattice::MAX_VOXELS;
 use super::read::{Stop, not_finite};
 use crate::fault::{Fault, bad};

@@ -33,11 +33,11 @@ mod bins;
 mod bound;
 mod boundary;
 mod cells;
-mod census;
 mod corner;
 mod crossed;
+mod edge_parity;
 mod findings;
-mod front;
+mod import;
 mod lattice;
 mod nearest;
 mod paint;
@@ -46,10 +46,10 @@ mod raster;
 mod reach;
 mod read;
 mod resident;
+mod shell;
 mod solid;
-mod thin;
 
-pub(crate) use census::{Census, Closed};
+pub(crate) use edge_parity::{Census, Closed};
 pub(crate) use findings::length;
 pub use findings::{Boundary, Fill, MeshFacts, MeshNote};
 pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, smallest_first, span};
@@ -70,15 +70,15 @@ use crate::volume::SourceError;
 use bins::{BINNING_BYTES, Bins};
 use boundary::BOUNDARY_BYTES;
 pub(crate) use crossed::cross_edges;
-use front::Front;
+use import::Front;
 use paint::{COLLECTING_BYTES, Painter};
 pub use read::states_place;
 use read::{Limits, MeshFile, READER_BYTES};
 pub(crate) use read::{check, cut_polygon, format_of, is_named};
 use resident::Resident;
+use shell::Thin;
 use solid::fixed_bytes;
 pub(crate) use solid::{MeshSolid, from_faces, row_words};
-use thin::Thin;
 
 /// The axis of a file's coordinates that is up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
@@ -233,7 +233,7 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     let painted =
         options.channels().contains(Channel::Color) || options.channels().contains(Channel::Material);
     let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
-    let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 0));
+    let thin = mesh.thin().map_or(0, |_| shell::fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 0));
     let edges = if cells { CellEdges::BYTES } else { 0 };
     let column =
         COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 32) + painter + thin + edges;

@@ -21,13 +21,13 @@ use crate::geom::Affine;
 use crate::jobs::export::{ExportRequest, triangles_of};
 use crate::jobs::info::{Info, Measured};
 use crate::jobs::nearest::nearest_points;
-use crate::jobs::opened::unpacked;
+use crate::jobs::open_model::unpacked;
 use crate::jobs::picture::{Outputs, framed};
 use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
-use crate::render::sight::Sight;
+use crate::render::pixel_rays::Sight;
 use crate::render::{Image, Layout, RayCaster};
 use crate::text::data;
 

@@ -13,8 +13,8 @@
 
 use super::batch::Batch;
 use super::cells::Cells;
-use super::leave;
 use super::ray::Ray;
+use super::ray_offset;
 use super::space::GridSpace;
 use super::surface::Skin;
 use super::tile::RAYS;
@@ -174,7 +174,8 @@ impl ShadedPoint<'_> {
     /// The ray from here into a direction of the world, from its exit from the boxes around; `None` if that is outside
     /// the grid.
     pub(crate) fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
-        leave::leaving(self.space, (self.hit, leave::REACH), self.point, direction, 0.0).map(|(ray, _)| ray)
+        ray_offset::leaving(self.space, (self.hit, ray_offset::REACH), self.point, direction, 0.0)
+            .map(|(ray, _)| ray)
     }
 }
 
@@ -195,7 +196,7 @@ mod tests {
     use super::*;
     use crate::geom::{Affine, Dims};
     use crate::memory_tree::MemoryTree;
-    use crate::render::leave::REACH;
+    use crate::render::ray_offset::REACH;
     use crate::render::single;
 
     fn space(side: u32) -> GridSpace {

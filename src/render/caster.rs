@@ -5,7 +5,7 @@ use std::ops::Deref;
 use super::batch::Batch;
 use super::cells::Cells;
 use super::image::refill;
-use super::normals::shown::cell_coordinates;
+use super::normals::shading_normal::cell_coordinates;
 use super::ray::{BadRay, Ray};
 use super::single;
 use super::surface::Skin;

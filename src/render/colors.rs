@@ -1,6 +1,6 @@
 //! The colour at a hit: the colour of a voxel, or the mean of some voxels of a coarser box.
 
-use super::normals::shown::PixelHit;
+use super::normals::shading_normal::PixelHit;
 use super::shade::Shader;
 use crate::geom::{BoxIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};

@@ -8,7 +8,7 @@ use super::RenderError;
 use super::shade::Shader;
 use crate::atomic::AtomicFile;
 use crate::fault::usage;
-use crate::mark::{KEYWORD, PROGRAM};
+use crate::picture_mark::{KEYWORD, PROGRAM};
 use crate::render::RenderFault;
 
 /// Pictures with more pixels than thumbnails are compressed fast: a quarter to a third larger, in a twentieth to a

@@ -62,6 +62,7 @@ macro_rules! each3 {
 }
 
 pub(crate) mod ambient;
+pub(crate) mod ambient_filter;
 pub(crate) mod annotate;
 pub mod batch;
 pub mod camera;
@@ -75,7 +76,6 @@ pub mod discrete;
 mod error;
 mod font;
 pub mod image;
-pub(crate) mod leave;
 mod leaves;
 mod line;
 mod mirrored_ray;
@@ -85,17 +85,17 @@ mod pairs;
 #[cfg(target_arch = "x86_64")]
 mod pairs_vbmi2;
 pub mod picture;
+#[doc(hidden)]
+pub mod pixel_rays;
 pub mod ray;
+pub(crate) mod ray_offset;
 #[doc(hidden)]
 pub mod reference;
 #[doc(hidden)]
 pub mod selfcheck;
 pub mod shade;
 #[doc(hidden)]
-pub mod sight;
-#[doc(hidden)]
 pub mod single;
-pub(crate) mod soften;
 pub mod space;
 #[doc(hidden)]
 pub mod surface;

@@ -5,9 +5,9 @@ use crate::load::{ModelView, NodeView};
 
 use super::batch::Batch;
 use super::cells::Cells;
+use super::pixel_rays::Sight;
 use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
-use super::sight::Sight;
 use super::surface::{Skin, Surface};
 use super::tile::{RAYS, TILE, Tile, Tracer};
 use super::traverse::{Hit, step_limit};

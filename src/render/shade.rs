@@ -8,7 +8,7 @@
 //! on every machine; powers do not use the system's functions.
 
 use super::Shading;
-use super::sight::Sight;
+use super::pixel_rays::Sight;
 use super::tile::RAYS;
 use crate::cpu::{Kernel, Lanes};
 use crate::geom::dot;

@@ -13,13 +13,13 @@ use crate::cpu::Form;
 use crate::geom::{NodeIndex, add_scaled, dot};
 use crate::render::Samples;
 use crate::render::ambient::{Lot, ShadedPoint, tangents};
+use crate::render::ambient_filter::{Patch, WIDE};
 use crate::render::colors::label_of;
 use crate::render::image::Image;
 use crate::render::normals::many::TileNormals;
-use crate::render::normals::shown::PixelHit;
+use crate::render::normals::shading_normal::PixelHit;
 use crate::render::picture::{depth_code, normal_code};
 use crate::render::shade::{Lit, TileLight};
-use crate::render::soften::{Patch, WIDE};
 use crate::render::tile::{RAYS as TILE_PIXELS, TILE, Tracer};
 
 use super::body::Met;

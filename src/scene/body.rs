@@ -3,7 +3,7 @@
 //! A line is transformed to the model's grid and rounded there, once; all that follows is in integers. Intersections
 //! are given as t along the line of the scene, so that bodies can be compared.
 //!
-//! A line that starts at a body leaves the box around its start first ([`crate::render::leave`]). Beyond it a flat line
+//! A line that starts at a body leaves the box around its start first ([`crate::render::ray_offset`]). Beyond it a flat line
 //! may still meet steps of the staircase of boxes that it started on. The normals reveal them: a line outside a solid
 //! enters through faces that look at it, and exits through faces that look along it. So within [`STAIR`] boxes of its
 //! start a hit whose stored normal contradicts this is a step of the staircase, and is skipped. The test is made in the
@@ -20,10 +20,10 @@ use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::colors::{color_of, first_voxel};
-use crate::render::leave::{REACH, leaving};
-use crate::render::normals::around::Surroundings;
-use crate::render::normals::shown::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};
+use crate::render::normals::neighborhood::Surroundings;
+use crate::render::normals::shading_normal::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};
 use crate::render::ray::Ray;
+use crate::render::ray_offset::{REACH, leaving};
 use crate::render::shade::{Shader, linear_of};
 use crate::render::space::Bounds;
 use crate::render::surface::Skin;

@@ -36,10 +36,10 @@ mod media;
 mod paint;
 mod place;
 mod read;
-mod refine;
 mod section;
 mod shade;
 mod spec;
+mod supersampling;
 #[cfg(test)]
 mod tests;
 mod walls;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::cpu::Form;
 use crate::geom::{add_scaled, dot};
-use crate::render::normals::shown::Line;
+use crate::render::normals::shading_normal::Line;
 use crate::render::shade::Shader;
 use crate::render::{NamedView, RenderError};
 

@@ -5,8 +5,8 @@
 
 use crate::geom::{add_scaled, dot};
 use crate::render::ambient::{Sky, tangents};
-use crate::render::normals::around::Surroundings;
-use crate::render::normals::shown::Line;
+use crate::render::normals::neighborhood::Surroundings;
+use crate::render::normals::shading_normal::Line;
 use crate::render::shade::{Rig, Shader};
 use crate::render::traverse::Hit;
 

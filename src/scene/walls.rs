@@ -3,7 +3,7 @@
 use crate::geom::{add_scaled, dot};
 use crate::load::NodeView;
 use crate::render::cells::Cells;
-use crate::render::normals::shown::{Line, NEAR_WALL, cell_coordinates};
+use crate::render::normals::shading_normal::{Line, NEAR_WALL, cell_coordinates};
 use crate::render::single;
 use crate::render::surface::Skin;
 use crate::render::traverse::Hit;

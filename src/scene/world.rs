@@ -4,7 +4,7 @@ use crate::cpu::Form;
 use crate::geom::dot;
 use crate::render::Smoothing;
 use crate::render::batch::Batch;
-use crate::render::normals::shown::Line;
+use crate::render::normals::shading_normal::Line;
 use crate::render::ray::Ray;
 use crate::render::traverse::Hit;
 

@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 
 use super::files::FileList;
-use super::headed::{amira, mrc, vgi, vtk};
+use super::raw_with_header::{amira, mrc, vgi, vtk};
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff, zarr};
 use crate::volume::{Result, VolumeSource};
 

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use std::str::FromStr;
 
 use super::files::FileList;
-use super::stored::{Section, section};
+use super::payload::{Section, section};
 use crate::budget::Bytes;
 use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;

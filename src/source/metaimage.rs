@@ -11,7 +11,7 @@ use super::header::{
     Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
     unit_mm, unreadable, unusable, wrong_count,
 };
-use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
+use super::payload::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::PositionalFile;

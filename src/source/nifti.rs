@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::OpenOptions;
 use super::header::{check_links, files_beside, unpacked, unreadable, unusable};
-use super::stored::{Encoding, Samples, Skip, StoredLayout};
+use super::payload::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};

@@ -10,7 +10,7 @@ use super::OpenOptions;
 use super::axis_reversal::AxisReversal;
 use super::files::FileList;
 use super::header::{unreadable, unusable};
-use super::stored::{Encoding, Samples, Skip, StoredLayout};
+use super::payload::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::PositionalFile;

@@ -18,7 +18,7 @@ use super::header::{
     Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
     unreadable, unusable,
 };
-use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
+use super::payload::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::fault::{Fault, bad};
 use crate::geom::Dims;
 use crate::platform::PositionalFile;
@@ -295,7 +295,7 @@ impl Header {
             let data = if start > 0 {
                 file
             } else {
-                super::stored::regular(&data_path).map_err(HeaderError::Other)?;
+                super::payload::regular(&data_path).map_err(HeaderError::Other)?;
                 opened = PositionalFile::open(&data_path)
                     .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?;
                 &opened

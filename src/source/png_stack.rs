@@ -15,7 +15,7 @@ use super::files::{FileList, FileSet, base_name};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
-use super::stored::{StoredVolume, Target, Unroll, regular, section};
+use super::payload::{StoredVolume, Target, Unroll, regular, section};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::PositionalFile;

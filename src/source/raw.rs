@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
 use super::known::HEAD_BYTES;
-use super::stored::{DirectSamples, Samples, SliceOffsets};
+use super::payload::{DirectSamples, Samples, SliceOffsets};
 use crate::fault::{Fault, bad, unfit, usage};
 use crate::geom::{Dims, Orientation};
-use crate::mark::is_own_picture;
+use crate::picture_mark::is_own_picture;
 use crate::platform::PositionalFile;
 use crate::source::OCT;
 use crate::text::Name;

@@ -12,10 +12,10 @@
 
 mod color;
 mod encoding;
-mod foreign;
 pub(crate) mod names;
 mod nearest;
 mod number;
+mod sanitize;
 mod system;
 
 use std::str::FromStr;
@@ -24,12 +24,12 @@ use serde::{Deserialize, Deserializer, de::Error};
 
 pub use color::color;
 pub(crate) use encoding::{mark_bytes, plain_head};
-pub(crate) use foreign::html;
-pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};
 pub use nearest::nearest;
 pub use number::Count;
 pub(crate) use number::{Short, WithError};
+pub(crate) use sanitize::html;
+pub use sanitize::{Foreign, Shown, call, data, json, plain, shown};
 pub(crate) use system::{reading, writing};
 
 /// An optional value that is given as text.

@@ -18,7 +18,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("geom", ""),
     ("text", "atomic"),
     ("format", "cpu geom text"),
-    ("mark", ""),
+    ("picture_mark", ""),
     ("order", ""),
     ("progress", ""),
     ("platform", ""),
@@ -26,26 +26,26 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("identity", ""),
     ("fault", "exit text"),
     ("volume", "budget exit fault geom identity progress scratch text"),
-    ("source", "budget codec cpu exit fault geom mark order progress scratch text volume"),
+    ("source", "budget codec cpu exit fault geom picture_mark order progress scratch text volume"),
     ("synthetic", "fault geom text volume"),
     (
         "discovery",
-        "budget csg exit fault geom identity mark mesh order progress scratch source synthetic text volume",
+        "budget csg exit fault geom identity picture_mark mesh order progress scratch source synthetic text volume",
     ),
     ("builder", "atomic budget cpu exit fault format geom progress scratch text volume"),
     ("clean", "budget builder exit fault format geom progress scratch text volume"),
     ("mesh", "budget builder codec cpu fault format geom identity scratch source text volume"),
     ("csg", "budget builder fault format geom identity mesh order progress scratch source text volume"),
     ("load", "budget cpu exit format geom text"),
-    ("render", "atomic budget cpu exit fault format geom load mark text"),
+    ("render", "atomic budget cpu exit fault format geom load picture_mark text"),
     ("scene", "cpu exit fault format geom load order render text"),
-    ("enclosed", "format geom load"),
+    ("interior", "format geom load"),
     ("measure", "atomic cpu fault format geom load order text"),
     ("page", "format geom load render text"),
-    ("export", "cpu enclosed format geom load order progress render scratch text"),
+    ("export", "cpu interior format geom load order progress render scratch text"),
     (
         "jobs",
-        "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export fault \
+        "atomic budget builder discovery clean codec intersect cpu csg interior error exit export fault \
          format geom load measure mesh order page progress render scene scratch source synthetic text volume",
     ),
     (
@@ -307,7 +307,7 @@ fn the_reader_of_this_test_sees_what_it_should() {
 }
 
 /// Where foreign text becomes printable.
-const FOREIGN: &str = "src/text/foreign.rs";
+const FOREIGN: &str = "src/text/sanitize.rs";
 
 #[test]
 fn foreign_text_is_printed_in_one_way() {

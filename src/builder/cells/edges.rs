@@ -13,7 +13,7 @@
 
 use super::corner::EDGES;
 use super::items::CellItems;
-use super::pick::{CellShape, pick_crossed};
+use super::single_fit::{CellShape, pick_crossed};
 use crate::builder::item::ItemForm;
 use crate::builder::skin::BRICK_ROWS;
 use crate::builder::solid::{EdgeCrossing, SkinSlice};

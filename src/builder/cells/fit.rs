@@ -1,10 +1,10 @@
 //! Planes of cells in batches, without branches so that the loops over a batch vectorise.
 
+use super::anisotropy::{Fit, Stretch};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
-use super::pick::{self, SEPARABLE};
-use super::sharp::{Sharp, SharpCell, directions, near};
-use super::stretch::{Fit, Stretch};
+use super::sharp_features::{Sharp, SharpCell, directions, near};
+use super::single_fit::{self, SEPARABLE};
 use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -225,7 +225,7 @@ impl Batch {
 
     /// True if all inside corners have one depth, and all outside corners have one depth.
     fn has_two_values(&self, at: usize) -> bool {
-        pick::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
+        single_fit::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Items of the cells that were described last.
 
-use super::pick::CellShape;
+use super::single_fit::CellShape;
 use crate::builder::gradient::SLICE_VOXELS;
 use crate::format::Channel;
 use crate::format::cell::{CORNERS, HAS_CORNERS};

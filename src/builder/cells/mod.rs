@@ -20,6 +20,7 @@
 //! on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
+mod anisotropy;
 mod corner;
 mod edges;
 mod field;
@@ -28,9 +29,8 @@ mod items;
 mod jet;
 mod label;
 pub(super) mod larger;
-mod pick;
-mod sharp;
-mod stretch;
+mod sharp_features;
+mod single_fit;
 mod window;
 
 use std::ops::Range;
@@ -50,13 +50,13 @@ use crate::format::{Channel, Channels, Metadata, Noise, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::{Scalar, ScalarType, SourceError, VolumeInfo};
 
+use anisotropy::Stretch;
 use corner::{EDGES, signed_depth};
 pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
 use fit::{BATCH, Batch, Outcome};
 use items::CellItems;
-use pick::Cell;
-use stretch::Stretch;
+use single_fit::Cell;
 
 /// Least part of a normal along its own edge.
 const MIN_PART: f64 = 1e-3;
@@ -326,14 +326,14 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
                     let field = self.field(place, mask);
                     let depth = field.corners();
                     let jet = field.jet();
-                    let gradient = jet.at(pick::mean_crossing(mask, &depth));
+                    let gradient = jet.at(single_fit::mean_crossing(mask, &depth));
                     Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label, stretch }
                 }
             };
             self.items.push(if outcome == Outcome::Corners {
-                pick::with_corners(&cell)
+                single_fit::with_corners(&cell)
             } else {
-                pick::pick(&cell, || self.field(place, mask))
+                single_fit::pick(&cell, || self.field(place, mask))
             });
         }
         self.batch.clear();

@@ -11,7 +11,6 @@ use std::io;
 use super::cell::{distinct, knots, sheets};
 use super::parts::Parts;
 use super::walls::{Placing, Spot};
-use crate::enclosed::{Rows, SkinVoxel};
 use crate::export::cases::{EDGES, others};
 use crate::export::dual::{Near, distance, placed};
 use crate::export::patch::corner_at;
@@ -19,6 +18,7 @@ use crate::export::write::unit;
 use crate::format::cell::{CORNERS, Plane, at_corner};
 use crate::format::{CornerLabels, Walls};
 use crate::geom::Affine;
+use crate::interior::{Rows, SkinVoxel};
 use crate::load::ModelView;
 use crate::render::normals::blend::find;
 

@@ -22,12 +22,12 @@ use std::path::Path;
 
 use super::boundary::Bounded;
 use super::mask::{Mask, MaskForm};
-use super::tint::Lights;
+use super::vertex_color::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter, Mesh};
-use crate::enclosed::{SkinVoxel, extent};
 use crate::format::Label;
 use crate::geom::Dims;
+use crate::interior::{SkinVoxel, extent};
 use crate::load::ModelView;
 use crate::progress::Progress;
 use crate::scratch;

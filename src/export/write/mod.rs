@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
 
 use crate::export::fault::ExportFault;
-use crate::export::tint::Light;
+use crate::export::vertex_color::Light;
 
 /// A vertex: its position in mm, its normal, a unit vector or zeros, and its colour.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,15 +9,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::export::refuse_input;
-use super::opened::refuse_larger_leaves;
+use super::open_model::refuse_larger_leaves;
 use super::pass::{PageRelief, Pass, Records};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
-use crate::enclosed::extent;
 use crate::error::Error;
 use crate::fault::usage;
 use crate::format::{ColorMap, Quantity};
 use crate::geom::{Affine, dot};
+use crate::interior::extent;
 use crate::load::{Model, ModelView};
 use crate::measure::fit::fit;
 use crate::measure::nearest::{Sample, Surface};

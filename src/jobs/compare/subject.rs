@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 
 use super::super::build::{BuildJob, GridOptions, convert};
-use super::super::opened::open_model;
+use super::super::open_model::open_model;
 use super::super::verify::verify_unless_packed;
 use super::*;
 use crate::budget::Budget;

@@ -17,7 +17,7 @@ use crate::export::{Exported, LabelMesh};
 use crate::fault::{Fault, usage};
 use crate::format::Label;
 use crate::jobs::names::file_names;
-use crate::jobs::opened::open_model;
+use crate::jobs::open_model::open_model;
 use crate::jobs::scene::{no_label, unlabelled};
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;

@@ -8,11 +8,11 @@ use super::{
     Info, Measured, channel_bytes, channels, content_checksum, dtype, level_nodes, paper_bytes, ratio,
     structure_bytes, to_f64,
 };
-use crate::enclosed::Enclosed;
 use crate::format::{
     Encoding, ErrorBound, Noise, Quantity, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR,
 };
 use crate::geom::Affine;
+use crate::interior::Enclosed;
 use crate::load::Frame;
 
 /// Figures that the reports of a model and of its build share.

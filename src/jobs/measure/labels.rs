@@ -8,9 +8,9 @@
 //! then.
 
 use super::{Bend, Bends, Bounds, Weights, are_uneven, bounds};
-use crate::enclosed::SkinSlices;
 use crate::format::{Label, Walls};
 use crate::geom::{Affine, Dims, cross, dot};
+use crate::interior::SkinSlices;
 use crate::load::ModelView;
 use crate::progress::Progress;
 use crate::render::GridSpace;

@@ -7,8 +7,8 @@
 //!
 //! Memory: the runs of two slices, and the components that reach the last of them.
 
-use crate::enclosed::Rows;
 use crate::export::{LayerCell, RegionFrame, RegionSlice, Run};
+use crate::interior::Rows;
 
 /// Kind of the components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -46,7 +46,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
 use crate::jobs::batch::NewFolders;
-use crate::jobs::opened::open_model;
+use crate::jobs::open_model::open_model;
 use crate::synthetic;
 use crate::text::{Count, shown};
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::compare::Area;
 use super::export::refuse_input;
-use super::opened::{open_model, refuse_larger_leaves};
+use super::open_model::{open_model, refuse_larger_leaves};
 use super::pass::{Pass, Records};
 use super::verify::verify_unless_packed;
 use crate::budget::peak_rss_bytes;

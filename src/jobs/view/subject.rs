@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::Refused;
 use crate::error::Error;
 use crate::jobs::export::{STILL, still};
-use crate::jobs::opened::open_model;
+use crate::jobs::open_model::open_model;
 use crate::jobs::render::RenderRequest;
 use crate::jobs::scene::{OpenScene, is_scene, picture_of};
 use crate::jobs::verify::verify_unless_packed;

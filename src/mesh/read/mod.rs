@@ -17,9 +17,9 @@
 //! | `vertices`, `vertex_looks` | vertices, and their looks, by number |
 //! | `stop` | reasons that stop a reader |
 
+mod appearance;
 mod gltf;
 mod linked;
-mod look;
 mod obj;
 mod parts;
 mod ply;
@@ -42,8 +42,8 @@ use crate::mesh::read::stop::unknown_format;
 use crate::platform::PositionalFile;
 use crate::text::plain_head;
 use crate::volume::{SourceError, SourceFault};
+pub(super) use appearance::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use linked::missing;
-pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(crate) use polygon::cut as cut_polygon;
 use stop::{Each, EachLook};
 pub(super) use stop::{Stop, not_finite};

@@ -1,6 +1,6 @@
 //! The callbacks of a reader, and its reasons to stop.
 
-use super::look::Look;
+use super::appearance::Look;
 use crate::fault::{Fault, FaultKind, bad, conversions};
 use crate::text::shown;
 use crate::volume::SourceError;

@@ -1,6 +1,6 @@
 //! Colours and normals of vertices, looked up by the numbers of vertices.
 
-use super::look::{Look, linear};
+use super::appearance::{Look, linear};
 use super::stop::Stop;
 use super::vertices::{FEW_PAGES, Pages, Vertices};
 

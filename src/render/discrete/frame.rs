@@ -1,8 +1,8 @@
 //! Rays of a parallel projection by increments: two additions a pixel for the floor, two for the ceiling (the paper, 3.4).
 
 use crate::load::NodeView;
+use crate::render::pixel_rays::Sight;
 use crate::render::ray::Ray;
-use crate::render::sight::Sight;
 use crate::render::tile::{TILE, Tile};
 use crate::render::traverse::Trace;
 

@@ -1,8 +1,8 @@
 //! The normals of a tile's pixels together: normals of skin are judged 64 at once, and pixels of one face share theirs.
 
-use super::around::Surroundings;
+use super::neighborhood::Surroundings;
 use super::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
-use super::shown::{Line, Normals, PixelHit, towards_eye};
+use super::shading_normal::{Line, Normals, PixelHit, towards_eye};
 use crate::cpu::Form;
 use crate::render::tile::RAYS;
 

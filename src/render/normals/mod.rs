@@ -10,10 +10,10 @@
 //! | `blend` | normals of voxels blended between the boxes around a hit, where that is asked for |
 //! | `larger` | the same between larger leaves |
 
-pub(crate) mod around;
 pub(crate) mod blend;
 mod larger;
 pub(crate) mod many;
+pub(crate) mod neighborhood;
 pub(super) mod repair;
-pub(crate) mod shown;
+pub(crate) mod shading_normal;
 mod smooth;

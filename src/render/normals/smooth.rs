@@ -8,7 +8,7 @@
 //! On a head's bone, 2.5 times as many cells count as the eight of [`super::blend`]; light specks of 10,000 smooth
 //! pixels fall from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
-use super::around::Surroundings;
+use super::neighborhood::Surroundings;
 use crate::cpu::{Form, Kernel, Lanes};
 use crate::format::LabelItems;
 use crate::geom::dot;

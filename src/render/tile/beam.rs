@@ -10,7 +10,7 @@ use crate::format::cell::Plane;
 use crate::render::line::{ALONG_A, ALONG_B, SLACK, intersected, slopes};
 use crate::render::occupancy::{PAIRS, at_least, extrude};
 use crate::render::pairs::{Lines, SLACKS};
-use crate::render::sight::Pencil;
+use crate::render::pixel_rays::Pencil;
 use crate::render::single::LargerLeaf;
 
 use super::listed::MAX_OFF;

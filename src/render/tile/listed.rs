@@ -8,8 +8,8 @@
 
 use crate::cpu::{DOUBLES, Form, Kernel, Lanes, Truths};
 use crate::geom::Affine;
+use crate::render::pixel_rays::{MAX_CELLS, Pencil, Row, Sight, quantised};
 use crate::render::ray::{BadRay, Ray};
-use crate::render::sight::{MAX_CELLS, Pencil, Row, Sight, quantised};
 use crate::render::space::GridSpace;
 
 use super::beam::{RAYS, SURELY_MOVES, TILE};

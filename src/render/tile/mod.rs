@@ -84,8 +84,8 @@ mod words;
 
 use crate::load::ModelView;
 
+use super::pixel_rays::Sight;
 use super::ray::Face;
-use super::sight::Sight;
 use super::surface::Surface;
 use super::traverse::Hit;
 use crate::cpu::Form;

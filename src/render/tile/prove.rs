@@ -6,8 +6,8 @@
 
 use crate::cpu::{DOUBLES, Lanes, Truths};
 use crate::render::occupancy::PAIRS;
+use crate::render::pixel_rays::Row;
 use crate::render::ray::FRACTION_BITS;
-use crate::render::sight::Row;
 
 /// Entries of eight rays into their boxes.
 pub(super) struct Entries {

@@ -22,7 +22,7 @@ use super::files::{FileList, FileSet, base_name};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
-use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
+use super::payload::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::PositionalFile;
@@ -131,7 +131,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
 
 /// True if an unusable file has several pages; `None` if that cannot be seen.
 fn several_pages(path: &Path) -> Option<bool> {
-    super::stored::regular(path).ok()?;
+    super::payload::regular(path).ok()?;
     let opened = PositionalFile::open(path).ok()?;
     let (tiff, mut offset) = Tiff::open(&opened).ok()?;
     let mut pages = 0;
@@ -201,7 +201,7 @@ struct Stack {
 impl Stack {
     /// Adds the pages of a file.
     fn add(&mut self, path: &Path, file: u32) -> Result {
-        super::stored::regular(path)?;
+        super::payload::regular(path)?;
         let added = PositionalFile::open(path).and_then(|opened| self.add_pages(&opened, file));
         added.map_err(|cause| unreadable(path, cause))
     }

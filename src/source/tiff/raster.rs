@@ -8,7 +8,7 @@ use weezl::{BitOrder, LzwStatus};
 use super::directory::{Directory, Entry, Tiff, damaged};
 use crate::fault::bad;
 use crate::geom::Dims;
-use crate::source::stored::{Samples, Section, Target, section};
+use crate::source::payload::{Samples, Section, Target, section};
 use crate::volume::{Endian, Result, ScalarType};
 
 /// Bytes that are written to the spool at a time, if rows are shorter.

@@ -10,8 +10,8 @@ use super::packing::{Packing, damaged, short};
 
 use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;
-use crate::source::headed::sample_type;
-use crate::source::stored::Samples;
+use crate::source::payload::Samples;
+use crate::source::raw_with_header::sample_type;
 use crate::volume::{Endian, ScalarType};
 
 /// Most chunks of a volume.

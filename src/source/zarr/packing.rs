@@ -9,7 +9,7 @@ use super::{Read, blosc};
 
 use crate::fault::bad;
 use crate::platform::PositionalFile;
-use crate::source::stored::section;
+use crate::source::payload::section;
 
 /// Bytes that are handed on at a time.
 pub(super) const PIECE: usize = 64 << 10;

@@ -13,7 +13,7 @@ use crate::budget::Reservation;
 use crate::platform::PositionalFile;
 use crate::scratch::unnamed;
 use crate::source::header::unreadable;
-use crate::source::stored::Samples;
+use crate::source::payload::Samples;
 use crate::volume::{
     Endian, Preparation, Result, SourceError, SourceFault, VolumeInfo, VolumeSource, Workspace,
     check_request, not_unrolled,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::super::Limits;
+use super::super::appearance::Image;
 use super::super::linked::{open_linked, unescaped};
-use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
 use super::super::vertices::{Number, Spool, Vertices};

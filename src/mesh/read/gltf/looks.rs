@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
+use super::super::appearance::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
 use super::buffers::{Buffers, Resolver, item, out_of_range};
 use super::json::{Described, TextureExtensions, TextureUse};

@@ -19,7 +19,7 @@ mod posed;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::look::{Look, Material, NO_MATERIAL};
+use super::appearance::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop, finite};
 use super::stream::{Stream, mark};
 use super::text::Fan;

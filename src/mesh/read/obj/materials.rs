@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::super::appearance::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::linked::open_linked;
-use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::{Stop, bad_text_because, not_a_number};
 use super::super::stream::{Token, Words};
 use super::super::vertex_looks::light;

@@ -7,7 +7,7 @@ mod materials;
 
 use std::path::Path;
 
-use super::look::{Look, NO_MATERIAL};
+use super::appearance::{Look, NO_MATERIAL};
 use super::parts::Parts;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words, numbers};

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::sync::Arc;
 
 use super::super::Limits;
-use super::super::look::Image;
+use super::super::appearance::Image;
 use super::super::stop::Stop;
 use super::super::xml::{Event, Xml};
 use super::super::zip::{Archive, Member, reading};

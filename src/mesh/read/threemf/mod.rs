@@ -16,8 +16,8 @@ mod model;
 
 use std::collections::BTreeMap;
 
+use super::appearance::{Look, Material, NO_MATERIAL};
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
-use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop, finite};
 use super::stream::{Stream, numbers};
 use super::vertex_looks::single;

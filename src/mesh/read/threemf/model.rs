@@ -5,7 +5,7 @@ use std::io::Read;
 use std::sync::Arc;
 
 use super::super::Limits;
-use super::super::look::{Image, Material, Texture, UNPLACED, Wrap, linear};
+use super::super::appearance::{Image, Material, Texture, UNPLACED, Wrap, linear};
 use super::super::stop::Stop;
 use super::super::vertices::Spool;
 use super::super::xml::{Event, Xml};

@@ -17,7 +17,7 @@ pub(in crate::render) mod tile;
 use crate::geom::dot;
 use crate::load::ModelView;
 
-use super::around::Surroundings;
+use super::neighborhood::Surroundings;
 use crate::render::ray::Face;
 use plane::{Around, nearest_plane};
 

@@ -2,7 +2,7 @@
 
 use crate::load::{ModelView, NodeView};
 
-use super::super::around::{SIDE, Surroundings};
+use super::super::neighborhood::{SIDE, Surroundings};
 use super::Struck;
 
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.

@@ -10,9 +10,9 @@
 //! voxels, all normals around decide ([`Sweep`]).
 
 use super::bits::{Bits, any, set};
-use crate::enclosed::{LeafCell, Rows, Side, SkinVoxel, Sweep};
 use crate::format::cell::{CORNERS, HAS_CORNERS, at_corner};
 use crate::format::normal;
+use crate::interior::{LeafCell, Rows, Side, SkinVoxel, Sweep};
 use crate::load::{CellItems, ModelView, NodeView};
 
 /// The corners of a cell at its low and its high side along x.

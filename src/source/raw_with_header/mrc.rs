@@ -11,7 +11,7 @@ use crate::geom::Affine;
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{unpacked, unreadable};
-use crate::source::stored::{Encoding, Samples};
+use crate::source::payload::{Encoding, Samples};
 use crate::volume::{Endian, Note, Result, ScalarType, VolumeSource};
 
 const HEADER: usize = 1024;

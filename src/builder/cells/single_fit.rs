@@ -6,10 +6,10 @@
 //! [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which the surface
 //! strays from the plane ([`super::stretch`]).
 
+use super::anisotropy::{Fit, Stretch};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
 use super::label;
-use super::stretch::{Fit, Stretch};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{cross, dot};

@@ -8,7 +8,7 @@ use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright}
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{Lines, exactly, text, unreadable};
-use crate::source::stored::Encoding;
+use crate::source::payload::Encoding;
 use crate::volume::{Endian, Result, VolumeSource};
 
 const ELSE: &str = "save it as raw binary, NRRD or MetaImage";

@@ -6,17 +6,17 @@ use std::time::Instant;
 
 use super::bins::{BINNING_BYTES, Binner, Bins};
 use super::boundary::{self, BOUNDARY_BYTES, OpenEdge, Sums, Table};
-use super::census::{Census, Closed};
 use super::corner::Corner;
 use super::crossed::MeshCells;
+use super::edge_parity::{Census, Closed};
 use super::lattice::{Bounds, Grid, GridChoice, Triangle, smallest_first};
 use super::paint::{self, COLLECTING_BYTES, Collector, PaintChannels, Painter};
 use super::raster::Rule;
 use super::reach::Reach;
 use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
+use super::shell::{self, Thin, ThinSolid};
 use super::solid::{MeshSolid, fixed_bytes};
-use super::thin::{self, Thin, ThinSolid};
 use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, sufficient_share, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
@@ -572,7 +572,7 @@ impl Front<'_> {
         // Thin walls take triangles of their own.
         let (own, shares) = match self.mesh.thin() {
             None => (own, 1),
-            Some(_) => (own + thin::fixed_bytes(&tile), 2),
+            Some(_) => (own + shell::fixed_bytes(&tile), 2),
         };
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own) / shares;
         // A longer triangle takes two more places, and one near to two bricks another.

@@ -5,9 +5,9 @@ use crate::format::{Label, normal};
 use crate::geom::{BoxIndex, NodeIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 
-use super::around::Surroundings;
 use super::blend;
 use super::larger;
+use super::neighborhood::Surroundings;
 use super::repair::{self, tile::Stored};
 use super::smooth;
 use crate::render::Smoothing;

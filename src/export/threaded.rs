@@ -14,9 +14,9 @@ use std::thread::{Builder, scope};
 use super::bits::Bits;
 use super::dual::{Mesher, Surface};
 use super::patch::Layer;
-use super::signs::{Extent, Item};
-use super::tint::Lights;
-use crate::enclosed::Rows;
+use super::sample_signs::{Extent, Item};
+use super::vertex_color::Lights;
+use crate::interior::Rows;
 use crate::load::{ModelView, NodeView};
 use crate::render::GridSpace;
 

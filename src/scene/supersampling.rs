@@ -7,8 +7,8 @@
 //! thresholds, where one ray gives 28.2 and 29.8 and four in every pixel 36.6 and 37.8.
 
 use crate::render::Samples;
-use crate::render::normals::shown::Line;
-use crate::render::soften::Patch;
+use crate::render::ambient_filter::Patch;
+use crate::render::normals::shading_normal::Line;
 
 use super::band::WorkerState;
 use super::body::Met;

@@ -10,7 +10,7 @@ use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
 use crate::source::header::{Lines, check_links, exactly, files_beside, listed, number, text, unreadable};
-use crate::source::stored::Encoding;
+use crate::source::payload::Encoding;
 use crate::volume::{Endian, Note, Result, VolumeSource};
 
 pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {

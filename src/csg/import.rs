@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::CsgOptions;
 use super::bounds;
-use super::flat::{self, Flat, Make};
 use super::leaf::{self, BINNED, Leaf};
+use super::normal_form::{self, Flat, Make};
 use super::place::LatticeGrid;
 use super::program;
 use super::read::{read_tree, too_small, unusable};
@@ -223,11 +223,11 @@ impl<'a, 't> Front<'a, 't> {
         }
         let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
         flat.map_err(|stop| match stop {
-            flat::Stop::Fault(fault) => self.wrong(fault),
-            flat::Stop::Memory { bytes } => {
+            normal_form::Stop::Fault(fault) => self.wrong(fault),
+            normal_form::Stop::Memory { bytes } => {
                 too_small(self.name, self.options.memory, bytes + self.tree.bytes())
             }
-            flat::Stop::Build(error) => error,
+            normal_form::Stop::Build(error) => error,
         })
     }
 

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::header::{files_beside, unit_mm};
-use super::stored::{Encoding, Samples, Skip, StoredLayout};
+use super::payload::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, SourceError, VolumeSource};

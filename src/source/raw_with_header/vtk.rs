@@ -8,7 +8,7 @@ use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{Lines, exactly, number, text, unreadable};
-use crate::source::stored::{Encoding, Samples};
+use crate::source::payload::{Encoding, Samples};
 use crate::volume::{Endian, Result, VolumeSource};
 
 const ELSE: &str = "write it as structured points, MetaImage or NRRD";
