@@ -16,7 +16,7 @@ use std::time::Instant;
 use infobyte::cpu::Form;
 use infobyte::geom::{Affine, Dims};
 use infobyte::load::{Model, ModelView, NodeView};
-use infobyte::render::pixel_rays::Sight;
+use infobyte::render::pixel_rays::PixelRays;
 use infobyte::render::ray::Ray;
 use infobyte::render::selfcheck::{Random, random_ray};
 use infobyte::render::surface::Skin;
@@ -107,7 +107,7 @@ fn add(sum: &mut Sum, pixel: u64, hit: Option<&Hit>) {
 /// One frame: seconds, and the sum of its hits. `rows` gets the least seconds of each row of tiles.
 fn frame(
     view: &ModelView<'_>,
-    sight: &Sight<'_>,
+    sight: &PixelRays<'_>,
     size: u32,
     way: Way,
     threads: usize,
@@ -238,7 +238,7 @@ fn main() {
         let size = settings.size;
         for projection in [Projection::Perspective, Projection::Parallel] {
             let camera = camera(dims, projection);
-            let sight = Sight::new(&space, &camera, size, size);
+            let sight = PixelRays::new(&space, &camera, size, size);
             for threads in &settings.threads {
                 let label = format!("{projection:?} {size}^2 {threads}t");
                 let rays = f64::from(size) * f64::from(size);

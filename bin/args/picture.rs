@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::format::ColorMap;
-use infobyte::jobs::picture_set::Shots;
+use infobyte::jobs::picture_set::PictureSet;
 use infobyte::jobs::render::RenderRequest;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
@@ -288,11 +288,11 @@ impl RenderArgs {
     }
 
     /// How many pictures.
-    pub(crate) fn shots(&self) -> Shots {
+    pub(crate) fn shots(&self) -> PictureSet {
         match self.turntable {
-            Some(count) => Shots::Turntable(count),
-            None if self.contact => Shots::Contact,
-            None => Shots::One,
+            Some(count) => PictureSet::Turntable(count),
+            None if self.contact => PictureSet::Contact,
+            None => PictureSet::One,
         }
     }
 }

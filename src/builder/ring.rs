@@ -16,7 +16,7 @@ use crate::volume::{Rescale, Scalar, ScalarType};
 
 /// Form of the samples in the ring, and their depth inside the range.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct RingForm {
+pub(super) struct SampleForm {
     /// True if ring samples equal the file's, so that slices are read straight into the ring: with one lower bound, and
     /// a type whose values a single holds exactly. Otherwise the ring holds depths.
     pub(super) in_place: bool,
@@ -30,7 +30,7 @@ pub(super) struct RingForm {
     is_open_above: bool,
 }
 
-impl RingForm {
+impl SampleForm {
     fn new<T: Ordered>(range: SampleRange<T>) -> Self {
         let is_open_above = range.is_open_above();
         let is_float = matches!(T::TYPE, ScalarType::F32 | ScalarType::F64);
@@ -105,7 +105,7 @@ fn single(v: f64) -> f32 {
 /// The inside range for samples whose type is known at run time only. Samples are aligned bytes.
 pub(super) trait FileRange: Send + Sync {
     /// Form of the samples in the ring.
-    fn form(&self) -> RingForm;
+    fn form(&self) -> SampleForm;
 
     /// Inside bits of the samples `own` of a row; the words before and after hold their neighbours in the row.
     fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]);
@@ -140,8 +140,8 @@ pub(super) fn file_range(
 pub(super) struct MaskRange(pub(super) Box<dyn FileRange>);
 
 impl FileRange for MaskRange {
-    fn form(&self) -> RingForm {
-        RingForm::MASK
+    fn form(&self) -> SampleForm {
+        SampleForm::MASK
     }
 
     fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]) {
@@ -170,8 +170,8 @@ impl FileRange for MaskRange {
 }
 
 impl<T: Ordered> FileRange for SampleRange<T> {
-    fn form(&self) -> RingForm {
-        RingForm::new(*self)
+    fn form(&self) -> SampleForm {
+        SampleForm::new(*self)
     }
 
     fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]) {

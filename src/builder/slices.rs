@@ -10,7 +10,7 @@ use super::gradient::{OVERREAD, SLICE_VOXELS};
 use super::item::value_bytes;
 use super::lanes::RingSample;
 use super::range::{Ordered, SampleRange};
-use super::ring::{FileRange, RingForm};
+use super::ring::{FileRange, SampleForm};
 use super::solid::{BRICK, OccupancyRows, Tile, VoxelBox};
 use crate::format::Channel;
 use crate::geom::Dims;
@@ -62,7 +62,7 @@ impl RingShape {
         }
     }
 
-    pub(super) fn of(info: &VolumeInfo, form: &RingForm, reach: Reach) -> Self {
+    pub(super) fn of(info: &VolumeInfo, form: &SampleForm, reach: Reach) -> Self {
         Self {
             dims: info.dims,
             reach,
@@ -139,7 +139,7 @@ pub(super) struct Frame {
 pub(super) struct Slices<'a, R> {
     source: &'a dyn VolumeSource,
     range: &'a dyn FileRange,
-    pub(super) form: RingForm,
+    pub(super) form: SampleForm,
     pub(super) dims: [u32; 3],
     reach: Reach,
     stride: usize,

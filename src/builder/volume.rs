@@ -19,7 +19,7 @@ use super::item::{ItemForm, value_bytes, value_form, value_scale};
 use super::lanes::RingSample;
 use super::options::BuildOptions;
 use super::report::BuildNote;
-use super::ring::{FileRange, RingForm};
+use super::ring::{FileRange, SampleForm};
 use super::skin::Exposed;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -49,7 +49,7 @@ pub(super) struct VolumeSolid<'a> {
     pub(super) source: &'a dyn VolumeSource,
     /// The range, and the form of its samples in the ring.
     pub(super) range: Box<dyn FileRange>,
-    pub(super) form: RingForm,
+    pub(super) form: SampleForm,
     pub(super) selection: Selection,
     pub(super) gradient: Gradient,
     pub(super) rule: NormalRule,

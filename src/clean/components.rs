@@ -33,7 +33,7 @@ use super::bits::{BitVolume, RowWindow, Run, fill, find_runs, scratch_error};
 use super::paged::PagedTable;
 use super::stream::{BUFFER_BYTES, Cursor, Stream};
 pub(super) use super::union_find::Component;
-use super::union_find::Sets;
+use super::union_find::UnionFind;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::builder::BuildError;
 use crate::geom::Dims;
@@ -106,7 +106,7 @@ fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
 
 /// Least memory of a task.
 pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
-    fixed_bytes(dims, largest) + 3 * Sets::MIN_BYTES
+    fixed_bytes(dims, largest) + 3 * UnionFind::MIN_BYTES
 }
 
 pub(super) struct TaskMemory {
@@ -122,9 +122,9 @@ impl TaskMemory {
     /// The budget is below [`least_bytes`].
     pub(super) fn reserve(dims: Dims, largest: usize, budget: &Budget) -> Result<Self, TooSmall> {
         let least = budget.reserve(least_bytes(dims, largest))?;
-        let useful = 2 * (most_table_bytes(dims, Sets::NODE_BYTES) - Sets::MIN_BYTES);
+        let useful = 2 * (most_table_bytes(dims, UnionFind::NODE_BYTES) - UnionFind::MIN_BYTES);
         let more = budget.reserve(budget.left_bytes().min(useful))?;
-        Ok(Self { table_bytes: Sets::MIN_BYTES + more.bytes() / 2, _held: [least, more] })
+        Ok(Self { table_bytes: UnionFind::MIN_BYTES + more.bytes() / 2, _held: [least, more] })
     }
 }
 
@@ -132,7 +132,7 @@ impl TaskMemory {
 fn most_table_bytes(dims: Dims, item_bytes: usize) -> u64 {
     let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
     // Nodes are the runs of two slices at most; pages are whole, and come in sets.
-    2 * runs * (item_bytes as u64 + 1) + Sets::MIN_BYTES
+    2 * runs * (item_bytes as u64 + 1) + UnionFind::MIN_BYTES
 }
 
 /// A labelled volume: its components are known, and can be kept or dropped.
@@ -175,8 +175,8 @@ impl<'a> Task<'a> {
 
 struct Forward<'l, 'a> {
     to: &'l mut Labelled<'a>,
-    sets: Sets,
-    next: Sets,
+    sets: UnionFind,
+    next: UnionFind,
     /// Slots of the slice before: the first nodes.
     slots: u64,
     row: Vec<Run>,
@@ -189,8 +189,8 @@ struct Forward<'l, 'a> {
 impl<'l, 'a> Forward<'l, 'a> {
     fn new(to: &'l mut Labelled<'a>) -> io::Result<Self> {
         let task = to.task;
-        let bytes = task.table_bytes(Sets::NODE_BYTES);
-        let sets = || Sets::new(task.folder, bytes);
+        let bytes = task.table_bytes(UnionFind::NODE_BYTES);
+        let sets = || UnionFind::new(task.folder, bytes);
         let most = task.bits.dims().nx() as usize / 2 + 1;
         let runs = || Vec::with_capacity(most);
         Ok(Self {

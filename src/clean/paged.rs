@@ -30,7 +30,7 @@ pub(super) struct PagedTable<T> {
     file: File,
     /// Chunks of pages; empty until one of their pages is used.
     cache: Vec<Vec<u64>>,
-    places: Vec<Place>,
+    places: Vec<Slot>,
     page_words: usize,
     page_items: u64,
     clock: u32,
@@ -43,13 +43,13 @@ pub(super) struct PagedTable<T> {
 
 /// The content of a slot of the cache.
 #[derive(Clone, Copy)]
-struct Place {
+struct Slot {
     page: u64,
     used: u32,
     dirty: bool,
 }
 
-const EMPTY: Place = Place { page: NO_PAGE, used: 0, dirty: false };
+const EMPTY: Slot = Slot { page: NO_PAGE, used: 0, dirty: false };
 
 impl<T: bytemuck::Pod> PagedTable<T> {
     pub(super) const MIN_BYTES: u64 = (4 * WAYS * PAGE_WORDS * 8) as u64;
@@ -60,7 +60,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         let page_items =
             if page_items * size_of::<T>() > PAGE_WORDS * 8 { page_items / 2 } else { page_items };
         let page_words = page_items * size_of::<T>() / 8;
-        let page_bytes = (page_words * 8 + size_of::<Place>()) as u64;
+        let page_bytes = (page_words * 8 + size_of::<Slot>()) as u64;
         let pages = cache_bytes.max(Self::MIN_BYTES) / page_bytes;
         let sets = usize::try_from(pages.min(MAX_PAGES)).unwrap_or(usize::MAX) / WAYS;
         Ok(Self {
@@ -186,7 +186,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         } else {
             self.file.read_exact_at(bytemuck::cast_slice_mut(words), offset(page))?;
         }
-        self.places[place] = Place { page, used: 0, dirty: fresh };
+        self.places[place] = Slot { page, used: 0, dirty: fresh };
         Ok(())
     }
 }

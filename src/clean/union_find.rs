@@ -88,11 +88,11 @@ fn slot_of(node: Node) -> u32 {
 }
 
 /// Union-find over the nodes of a slice; a set's root is its smallest node.
-pub(super) struct Sets {
+pub(super) struct UnionFind {
     nodes: PagedTable<Node>,
 }
 
-impl Sets {
+impl UnionFind {
     pub(super) const NODE_BYTES: usize = size_of::<Node>();
 
     pub(super) const MIN_BYTES: u64 = PagedTable::<Node>::MIN_BYTES;

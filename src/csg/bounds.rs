@@ -1,7 +1,7 @@
 //! Bounds of a tree: the box in mm that a grid is put around.
 
 use super::fault::At;
-use super::normal_form::{Flat, Kind, Part, PlacedShape, Stop};
+use super::normal_form::{Kind, NormalForm, Part, PlacedShape, Stop};
 use super::tree::{NodeId, Shape, Tree};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
@@ -42,7 +42,7 @@ pub(super) fn of_leaf(placed: &PlacedShape<'_, '_>, file: Option<Bounds>) -> Bou
 }
 
 /// Bounds of a flat tree of bounds.
-pub(super) fn of_tree(flat: &Flat<Bounds>) -> Bounds {
+pub(super) fn of_tree(flat: &NormalForm<Bounds>) -> Bounds {
     let (parts, starts) = flat.parts_by_join();
     // Joins stand before their parts.
     let mut joins = vec![Bounds::EMPTY; flat.joins.len()];
@@ -100,7 +100,7 @@ impl Tree {
             )
         };
         let (mut whole, mut cut) = (Bounds::EMPTY, Bounds::EMPTY);
-        let flat = Flat::new((self, node), Affine::from_spacing([1.0; 3]), most_bytes, &mut |placed| {
+        let flat = NormalForm::new((self, node), Affine::from_spacing([1.0; 3]), most_bytes, &mut |placed| {
             let own = placed.shape.map_or(Bounds::EMPTY, |shape| of_shape(shape, placed.affine));
             let out = if placed.negated { &mut cut } else { &mut whole };
             *out = either(out, &own);

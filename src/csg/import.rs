@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::CsgOptions;
 use super::bounds;
 use super::leaf::{self, BINNED, Leaf};
-use super::normal_form::{self, Flat, Make};
+use super::normal_form::{self, Make, NormalForm};
 use super::place::LatticeGrid;
 use super::program;
 use super::read::{read_tree, too_small, unusable};
@@ -41,7 +41,7 @@ fn is_unmoved(affine: &Affine) -> bool {
 pub(crate) fn unmoved_volumes(path: &Path, memory: MemoryCap) -> Vec<PathBuf> {
     let (mut found, most_bytes) = (Vec::new(), Budget::of_job(memory).left_bytes());
     if let Ok((tree, root)) = read_tree(path, memory) {
-        let _ = Flat::new((&tree, root), Affine::from_spacing([1.0; 3]), most_bytes, &mut |met| {
+        let _ = NormalForm::new((&tree, root), Affine::from_spacing([1.0; 3]), most_bytes, &mut |met| {
             let mut bytes = 0;
             if let Some(Shape::Volume { path, .. }) = met.shape
                 && is_unmoved(met.affine)
@@ -74,7 +74,7 @@ struct MovedVolume<'a> {
     line: u64,
 }
 
-pub(super) struct Front<'a, 't> {
+pub(super) struct Importer<'a, 't> {
     pub(super) tree: &'t Tree,
     pub(super) root: NodeId,
     /// The volumes that leaves name.
@@ -86,7 +86,7 @@ pub(super) struct Front<'a, 't> {
     pub(super) progress: &'a dyn Progress,
 }
 
-impl<'a, 't> Front<'a, 't> {
+impl<'a, 't> Importer<'a, 't> {
     /// Units of the tree to millimetres.
     fn unit(&self) -> Affine {
         Affine::from_spacing([self.csg.unit_mm; 3])
@@ -216,12 +216,12 @@ impl<'a, 't> Front<'a, 't> {
     }
 
     /// A flat tree, with leaves made by `make`.
-    fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<Flat<T>, BuildError> {
+    fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<NormalForm<T>, BuildError> {
         if let MemoryCap::Process(_) = self.options.memory {
             // Returns the lists of an earlier flat tree to the system.
             give_back();
         }
-        let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
+        let flat = NormalForm::new((self.tree, self.root), first, self.left_bytes(), make);
         flat.map_err(|stop| match stop {
             normal_form::Stop::Fault(fault) => self.wrong(fault),
             normal_form::Stop::Memory { bytes } => {
@@ -308,7 +308,7 @@ impl<'a, 't> Front<'a, 't> {
     }
 
     /// The bounds of all leaves; volumes reach half a voxel beyond their outermost samples.
-    fn flat_bounds(&self, first: Affine) -> Result<Flat<Bounds>, BuildError> {
+    fn flat_bounds(&self, first: Affine) -> Result<NormalForm<Bounds>, BuildError> {
         self.flat(first, &mut |met| {
             let file = match met.shape {
                 Some(Shape::Volume { path, .. }) => {

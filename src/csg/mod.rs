@@ -14,9 +14,9 @@
 //! |---|---|
 //! | [`Tree`] | shapes, their places, and their joins |
 //! | `text`, `read` | trees from OpenSCAD's evaluated text, and from files of it |
-//! | `front` | conversion of a tree to a solid |
+//! | `import` | conversion of a tree to a solid |
 //! | `offset` | solids grown and shrunk by a distance |
-//! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
+//! | `normal_form`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
 //! | `sampled` | meshes and volumes, sampled slice by slice |
@@ -61,7 +61,7 @@ use crate::mesh::GridChoice;
 use crate::platform::give_back;
 use crate::volume::VolumeSource;
 use cells::CsgCells;
-use import::Front;
+use import::Importer;
 use solid::CsgSolid;
 
 /// A tree with its root, name and volumes.
@@ -101,7 +101,7 @@ pub fn with_tree<T>(
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let (name, volumes) = (&name, &volumes);
-    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress };
+    let front = Importer { tree: &tree, root, volumes, name, csg, options, scratch, progress };
     let placed = front.placed()?;
     let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);

@@ -66,7 +66,7 @@ conversions!(Stop {
 });
 
 /// A tree of joins, each before its parts, and the made leaves in the order of visiting.
-pub(super) struct Flat<T> {
+pub(super) struct NormalForm<T> {
     pub(super) leaves: Vec<T>,
     /// Memory that leaves hold outside themselves.
     held: u64,
@@ -93,7 +93,7 @@ fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, Fault> {
     if sound { Ok(placed) } else { Err(singular(line)) }
 }
 
-impl<T> Flat<T> {
+impl<T> NormalForm<T> {
     /// The flat tree below a node, within `most_bytes`. The first join is its root. `make` turns every leaf into a `T`,
     /// and returns the memory that it holds outside itself.
     ///

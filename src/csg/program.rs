@@ -8,7 +8,7 @@
 //! however deep the tree is. In a box most leaves are all in or all out; the rest of the program then is as long as the
 //! surface there is complicated.
 
-use super::normal_form::{Flat, Kind, Part};
+use super::normal_form::{Kind, NormalForm, Part};
 use crate::builder::Cover;
 
 /// One step: a join, or a leaf with a bit that is set for its complement.
@@ -36,7 +36,7 @@ fn complement(cover: Cover) -> Cover {
     }
 }
 
-pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
+pub(super) fn compile<T>(flat: &NormalForm<T>) -> Vec<Step> {
     let (mut parts, starts) = flat.parts_by_join();
     // Joins stand before their parts.
     let mut needs = vec![0_u8; flat.joins.len()];

@@ -18,7 +18,7 @@ use std::io;
 use super::bits::Bits;
 use super::cases::{AMBIGUOUS_HIGH, CASES, edge_at, ends, is_inside, others};
 use super::fault::ExportFault;
-use super::patch::{Patch, Spot, Spots, singles};
+use super::patch::{Patch, PatchPoint, PatchPoints, singles};
 use super::vertex_color::{Light, Mixture};
 use super::write::{Sink, Vertex, unit};
 use crate::cpu::{Kernel, Lanes, dispatch};
@@ -134,7 +134,7 @@ impl<'a> Mesher<'a> {
     pub(super) fn layer(
         &mut self,
         samples: [&Bits; 2],
-        spots: &mut impl Spots,
+        spots: &mut impl PatchPoints,
         height: usize,
         z: u32,
     ) -> io::Result<()> {
@@ -164,7 +164,7 @@ impl<'a> Mesher<'a> {
     /// Makes the vertices of a row of cubes between four rows of samples; bit 0 and 1 of a row's number are set for the
     /// higher one along y and z.
     #[inline(always)]
-    fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, spots: &mut impl Spots) -> io::Result<()> {
+    fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, spots: &mut impl PatchPoints) -> io::Result<()> {
         let mut before = [0; 4];
         for (word, at) in (0..rows[0].len()).zip((0_u32..).step_by(64)) {
             let (mut high, mut low) = ([0; 4], [0; 4]);
@@ -199,7 +199,7 @@ impl<'a> Mesher<'a> {
 
     /// A vertex in a cube, or on its face.
     #[inline(always)]
-    fn add(&mut self, cube: [u32; 3], spot: &Spot) -> io::Result<u32> {
+    fn add(&mut self, cube: [u32; 3], spot: &PatchPoint) -> io::Result<u32> {
         let at = placed(&self.to_mm, cube, spot.at);
         self.push(Vertex { at, normal: spot.normal, light: spot.light })
     }
@@ -390,7 +390,7 @@ impl<'a> Mesher<'a> {
         let ends = [self.get(low.1.vertex(low.2)), self.get(high.1.vertex(high.2))];
         let normal = unit([0, 1, 2].map(|a| ends[0].normal[a] + ends[1].normal[a]));
         let light = mean(&ends);
-        let knot = self.add(cube, &Spot { at, normal, light })?;
+        let knot = self.add(cube, &PatchPoint { at, normal, light })?;
         self.knots.entry(face).or_default()[which] = Some(knot);
         Ok(Some(knot))
     }
@@ -467,7 +467,7 @@ struct LayerOf<'m, 'a, 's, S> {
     z: u32,
 }
 
-impl<S: Spots> Kernel for LayerOf<'_, '_, '_, S> {
+impl<S: PatchPoints> Kernel for LayerOf<'_, '_, '_, S> {
     type Output = io::Result<()>;
 
     #[inline(always)]
@@ -498,10 +498,10 @@ mod tests {
     /// Records the requested cubes.
     struct Asked(Vec<(u32, u8)>);
 
-    impl Spots for Asked {
-        fn spot(&mut self, place: Patch) -> Spot {
+    impl PatchPoints for Asked {
+        fn spot(&mut self, place: Patch) -> PatchPoint {
             self.0.push((place.x, place.case));
-            Spot { at: [0.0; 3], normal: [0.0; 3], light: [0; 3] }
+            PatchPoint { at: [0.0; 3], normal: [0.0; 3], light: [0; 3] }
         }
     }
 

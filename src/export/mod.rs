@@ -12,11 +12,11 @@
 //!
 //! | part | content |
 //! |---|---|
-//! | `apart` | triangles in memory, on a second thread |
+//! | `threaded` | triangles in memory, on a second thread |
 //! | `bits` | slices of bits |
 //! | `bodies` | how many bodies triangles enclose |
 //! | `boundary` | whether triangles are closed |
-//! | `signs` | samples inside |
+//! | `sample_signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | position of a patch in its cube, and its normal |
 //! | `decimate` | fewer triangles, within a distance or to a number |
@@ -25,7 +25,7 @@
 //! | `mask` | NRRD and NIfTI |
 //! | [`Mesh`] | triangles in memory |
 //! | `regions` | samples as runs of one label, with the cells between two slices |
-//! | `tint` | colours of vertices |
+//! | `vertex_color` | colours of vertices |
 //! | `write` | STL, PLY, OBJ, GLB and 3MF |
 
 mod bits;
@@ -56,7 +56,7 @@ use std::path::Path;
 
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::interior::{Fates, Outward, Rows, SkinSlices, SkinVoxel, Sweep, extent};
+use crate::interior::{ComponentSides, Outward, Rows, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
@@ -305,7 +305,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
-        fates: Option<(u64, Fates)>,
+        fates: Option<(u64, ComponentSides)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
         let mut whole = self.fewer(self.triangles, progress);
@@ -338,7 +338,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
-        fates: Option<(u64, Fates)>,
+        fates: Option<(u64, ComponentSides)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
         let product = Product::Mesh(self.mesher(bounds, Some(sink)));
@@ -362,7 +362,7 @@ impl Exporter<'_> {
     fn kept(
         &self,
         bounds: Bounds,
-        fates: Option<(u64, Fates)>,
+        fates: Option<(u64, ComponentSides)>,
         progress: &dyn Progress,
     ) -> Result<Option<Mesh>, ExportStop> {
         let room = usize::try_from(self.view.voxel_count()).unwrap_or(0);
@@ -402,7 +402,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         progress: &dyn Progress,
-        work: &mut dyn FnMut(Option<(u64, Fates)>) -> Result<Option<T>, ExportStop>,
+        work: &mut dyn FnMut(Option<(u64, ComponentSides)>) -> Result<Option<T>, ExportStop>,
     ) -> Result<T, ExportStop> {
         if self.cells()
             && let Some(done) = work(None)?
@@ -413,7 +413,7 @@ impl Exporter<'_> {
     }
 
     /// The fates of enclosed components by all normals, and the number of undecided boxes.
-    fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<(u64, Fates), ExportStop> {
+    fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<(u64, ComponentSides), ExportStop> {
         progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
         let mut sweep = Sweep::new(bounds, self.outward()).keeping_fates();
         self.each_slice(bounds, |skin| {
@@ -445,7 +445,7 @@ impl Exporter<'_> {
         out: File,
         form: MaskForm,
         bounds: Bounds,
-        fates: Option<(u64, Fates)>,
+        fates: Option<(u64, ComponentSides)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
         // Cells have samples between them: one less along each axis, beginning half a cell later.
@@ -466,7 +466,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         product: Product<'p>,
-        fates: Option<(u64, Fates)>,
+        fates: Option<(u64, ComponentSides)>,
         progress: &dyn Progress,
     ) -> Result<Option<(Product<'p>, u64)>, ExportStop> {
         let (unknown, fates) = fates.map_or((0, None), |(unknown, fates)| (unknown, Some(fates)));

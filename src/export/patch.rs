@@ -19,7 +19,7 @@ const MARGIN: f64 = 1.0 / 256.0;
 
 /// A point of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spot {
+pub(super) struct PatchPoint {
     /// Position in edges of the cube, from its middle.
     pub(super) at: [f64; 3],
     /// Outward unit normal in the patient's axes; zeros where none is known.
@@ -29,9 +29,9 @@ pub(super) struct Spot {
 }
 
 /// Positions of patches.
-pub(super) trait Spots {
+pub(super) trait PatchPoints {
     /// The vertex of a patch. Cubes come in rows, in each from left to right.
-    fn spot(&mut self, place: Patch) -> Spot;
+    fn spot(&mut self, place: Patch) -> PatchPoint;
 }
 
 /// The point, kept away from the faces of its cube.
@@ -74,17 +74,17 @@ pub(super) struct Layer<'a> {
     pub(super) at: (usize, usize),
 }
 
-impl Spots for Layer<'_> {
+impl PatchPoints for Layer<'_> {
     #[inline(always)]
-    fn spot(&mut self, place: Patch) -> Spot {
+    fn spot(&mut self, place: Patch) -> PatchPoint {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
             None => {
                 let (normal, light) = self.of_voxels(place);
-                Spot { at: middle(place, |_| 0.5), normal: unit(singles(normal)), light }
+                PatchPoint { at: middle(place, |_| 0.5), normal: unit(singles(normal)), light }
             }
         };
-        Spot { at: held_within(spot.at), ..spot }
+        PatchPoint { at: held_within(spot.at), ..spot }
     }
 }
 
@@ -115,7 +115,7 @@ impl Layer<'_> {
     }
 
     #[inline(always)]
-    fn in_cell(&mut self, items: CellItems<'_>, place: Patch) -> Spot {
+    fn in_cell(&mut self, items: CellItems<'_>, place: Patch) -> PatchPoint {
         let (row, mut at) = self.at;
         if row != place.row {
             at = 0;
@@ -133,15 +133,15 @@ impl Layer<'_> {
         match cell {
             Some(cell) if cell.offset == HAS_CORNERS => {
                 let (at, normal) = between_corners(items.corners(cell.number), place);
-                Spot { at, normal: in_world(self.space, normal), light }
+                PatchPoint { at, normal: in_world(self.space, normal), light }
             }
             Some(cell) => {
                 let crossed = &CROSSED[usize::from(place.case)][usize::from(place.patch)];
                 let n = normal::decode_l1(cell.code);
                 let at = on_plane(n, cell.offset, crossed);
-                Spot { at, normal: in_world(self.space, n.map(f64::from)), light }
+                PatchPoint { at, normal: in_world(self.space, n.map(f64::from)), light }
             }
-            None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
+            None => PatchPoint { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
         }
     }
 }

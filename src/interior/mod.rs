@@ -21,7 +21,7 @@ mod sweep;
 
 pub(crate) use rows::Rows;
 pub(crate) use skin::{LeafCell, SkinSlices, SkinVoxel, extent};
-pub(crate) use sweep::{Fates, Sweep};
+pub(crate) use sweep::{ComponentSides, Sweep};
 
 use crate::format::normal;
 

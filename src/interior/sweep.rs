@@ -49,12 +49,12 @@ struct Component {
 
 /// Fate of every component of a sweep: the component that it is joined with later, and its side.
 #[derive(Debug, Default)]
-pub(crate) struct Fates {
+pub(crate) struct ComponentSides {
     parents: Vec<u32>,
     sides: Vec<Option<Side>>,
 }
 
-impl Fates {
+impl ComponentSides {
     fn root(&self, mut name: u32) -> u32 {
         // A name's parent is smaller, so this ends.
         while let Some(parent) = self.parents.get(name as usize).filter(|parent| **parent < name) {
@@ -93,9 +93,9 @@ enum History {
     /// No fates.
     Forgotten,
     /// Fates to be written.
-    Kept(Fates),
+    Kept(ComponentSides),
     /// Fates of an earlier sweep, to be read.
-    Known(Fates),
+    Known(ComponentSides),
 }
 
 /// Follows the components from slice to slice; components that end only leave their numbers of voxels.
@@ -131,11 +131,11 @@ impl Sweep {
 
     /// The sweep, keeping the fate of every component.
     pub(crate) fn keeping_fates(self) -> Self {
-        Self { history: History::Kept(Fates::default()), ..self }
+        Self { history: History::Kept(ComponentSides::default()), ..self }
     }
 
     /// The sweep, with the fate of every component known.
-    pub(crate) fn knowing(self, fates: Fates) -> Self {
+    pub(crate) fn knowing(self, fates: ComponentSides) -> Self {
         Self { history: History::Known(fates), ..self }
     }
 
@@ -286,7 +286,7 @@ impl Sweep {
     }
 
     /// The counts after the last slice; and the fates, if they were kept.
-    pub(crate) fn finish(mut self) -> (Enclosed, Fates) {
+    pub(crate) fn finish(mut self) -> (Enclosed, ComponentSides) {
         for (at, component) in self.components.iter().enumerate() {
             if component.parent as usize == at {
                 self.found.add(component, &mut self.history);
@@ -297,7 +297,7 @@ impl Sweep {
                 fates.flatten();
                 (self.found, fates)
             }
-            _ => (self.found, Fates::default()),
+            _ => (self.found, ComponentSides::default()),
         }
     }
 }

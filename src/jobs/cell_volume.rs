@@ -17,14 +17,14 @@ const TETRAHEDRA: [[usize; 4]; 6] =
 
 /// Inside and surface of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Within {
+pub(super) struct CellVolume {
     /// Part of the cell that is inside, 0 to 1.
     pub(super) inside: f64,
     /// Area of the surface in it, in the squared unit of the axes.
     pub(super) area: f64,
 }
 
-impl Within {
+impl CellVolume {
     /// The surface within a cell whose edges are these axes.
     pub(super) fn of(shape: &CellShape, axes: &[[f64; 3]; 3]) -> Self {
         match shape {
@@ -124,9 +124,10 @@ mod tests {
 
     #[test]
     fn planes_and_corners_enclose_what_they_do() {
-        let of =
-            |normal: [i32; 3], offset: i32| Within::of(&CellShape::Plane(Plane { normal, offset }), &CUBE);
-        let near = |found: Within, inside: f64, area: f64| {
+        let of = |normal: [i32; 3], offset: i32| {
+            CellVolume::of(&CellShape::Plane(Plane { normal, offset }), &CUBE)
+        };
+        let near = |found: CellVolume, inside: f64, area: f64| {
             assert!((found.inside - inside).abs() < 1e-12 && (found.area - area).abs() < 1e-12, "{found:?}");
         };
         near(of([127, 0, 0], 0), 0.5, 1.0);
@@ -135,13 +136,13 @@ mod tests {
         near(of([63, 64, 0], 0), 0.5, f64::hypot(1.0, 63.0 / 64.0));
         // A hexagon through the middle, and a corner cut off half way along three edges.
         let hexagon = |third: f64| third * 3.0_f64.sqrt() / 4.0 * 6.0 / 2.0;
-        let third = Within::of(&CellShape::Corners([3, 1, 1, -1, 1, -1, -1, -3]), &CUBE);
+        let third = CellVolume::of(&CellShape::Corners([3, 1, 1, -1, 1, -1, -1, -3]), &CUBE);
         near(third, 0.5, hexagon(1.0));
-        let corner = Within::of(&CellShape::Corners([1, 0, 0, -1, 0, -1, -1, -2]), &CUBE);
+        let corner = CellVolume::of(&CellShape::Corners([1, 0, 0, -1, 0, -1, -1, -2]), &CUBE);
         near(corner, 1.0 / 6.0, 3.0_f64.sqrt() / 2.0);
         // Sheared and stretched: the inside part stays, the area is that of the face.
         let axes = [[2.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 5.0]];
-        let found = Within::of(&CellShape::Plane(Plane { normal: [0, 0, 127], offset: 0 }), &axes);
+        let found = CellVolume::of(&CellShape::Plane(Plane { normal: [0, 0, 127], offset: 0 }), &axes);
         near(found, 0.5, 6.0);
     }
 }

@@ -23,7 +23,7 @@ use crate::export::{ExportFault, ExportForm, ExportStop, Exported, Exporter, Mes
 use crate::fault::{Fault, usage};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, ModelView, verify};
-use crate::page::{self, Shown, Way};
+use crate::page::{self, Shown, Transport};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scene::LabelRule;
@@ -388,8 +388,8 @@ fn export_page(
     progress.stage("page", 1);
     let name = input.file_name().map(|name| data(Path::new(name)));
     let (what, way) = match form {
-        ExportForm::Linked => (Shown::Linked(name.as_deref()), Way::Linked),
-        _ => (Shown::Model(&model, &space), Way::File),
+        ExportForm::Linked => (Shown::Linked(name.as_deref()), Transport::Linked),
+        _ => (Shown::Model(&model, &space), Transport::File),
     };
     page::write(&what, &title, &picture, way, &mut BufWriter::new(out.file())).map_err(unwritable)?;
     model.check_unchanged(input)?;

@@ -19,7 +19,7 @@ mod labels;
 pub use labels::LabelMeasures;
 pub(super) use labels::{areas as wall_areas, label_volume_error, measure_labels};
 
-use super::cell_volume::Within;
+use super::cell_volume::CellVolume;
 use crate::format::{Metadata, normal};
 use crate::geom::{Affine, Dims, VoxelIndex, dot};
 pub use crate::interior::Enclosed;
@@ -113,7 +113,7 @@ pub(super) fn measure_until(
                 of_skin += f64::from(u8::from(leaf.offset > 0));
                 continue;
             }
-            let within = view.cells().map(|cells| Within::of(&voxel.shape(&cells), &weights.columns));
+            let within = view.cells().map(|cells| CellVolume::of(&voxel.shape(&cells), &weights.columns));
             of_skin += within.map_or(1.0, |within| within.inside);
             area_within += within.map_or(0.0, |within| within.area);
             let code = voxel.code(view);
@@ -196,7 +196,7 @@ impl Weights {
     /// column is the voxel's volume over the normal's component along that axis. Cells are all boxes that the surface
     /// passes through: their number in a column is the sum of the normal's components over the greatest. (The surface
     /// within a cell itself may be off by as much as its plane: its sum over a binary ball lacks a seventh.)
-    fn patch(&self, code: u16, within: Option<Within>, [y, x]: [u32; 2]) -> Option<Patch> {
+    fn patch(&self, code: u16, within: Option<CellVolume>, [y, x]: [u32; 2]) -> Option<Patch> {
         let n = normal::decode_l1(code).map(f64::from);
         let normal =
             if self.cells { self.space.index_normal_to_world(n) } else { self.space.normal_to_world(n) };

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::frame::{Frame, size_title};
 use super::open_model::open_model;
-use super::picture_memory::Relief;
-use super::picture_set::{self, FrameNames, Shots};
+use super::picture_memory::PictureMemory;
+use super::picture_set::{self, FrameNames, PictureSet};
 use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whole, thumbnail_within};
 use super::scene::OpenScene;
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
@@ -34,7 +34,7 @@ pub struct Outputs<'a> {
     /// The image of the numbers of boxes, if one is wanted.
     pub ids: Option<&'a Path>,
     /// Number and arrangement of the pictures in `image`; other images exist for a single picture only.
-    pub shots: Shots,
+    pub shots: PictureSet,
     /// Text above the picture; an empty one stands for the name of the file and the size of what is shown of its model,
     /// before cuts.
     pub title: Option<&'a str>,
@@ -61,7 +61,15 @@ pub(super) struct Layers {
 impl<'a> Outputs<'a> {
     /// Outputs of the colours alone.
     pub fn of(image: &'a Path) -> Self {
-        Self { image, depth: None, normals: None, ids: None, shots: Shots::One, title: None, legend: false }
+        Self {
+            image,
+            depth: None,
+            normals: None,
+            ids: None,
+            shots: PictureSet::One,
+            title: None,
+            legend: false,
+        }
     }
 
     /// All paths that are named.
@@ -72,7 +80,7 @@ impl<'a> Outputs<'a> {
     /// Names of the frames and their number, for frames in several files.
     fn frames(&self) -> Option<(FrameNames, u32)> {
         match self.shots {
-            Shots::Turntable(count) => Some((FrameNames::of(self.image)?, count)),
+            PictureSet::Turntable(count) => Some((FrameNames::of(self.image)?, count)),
             _ => None,
         }
     }
@@ -171,8 +179,8 @@ pub fn render_file(
         let give_back = || scene.give_back();
         let held_pixels = outputs.shots.held_pixels(whole, frame.has_legend());
         let pages = (scene.bytes(), &give_back as &(dyn Fn() + Sync));
-        let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, pages);
-        let mut report = if outputs.shots == Shots::One && !frame.has_legend() {
+        let relief = PictureMemory::new(request.memory_bytes, request.threads, held_pixels, pages);
+        let mut report = if outputs.shots == PictureSet::One && !frame.has_legend() {
             let mut rows = layers.begin(whole)?;
             let mut begun = false;
             let mut take = |part: &Image| {
@@ -217,7 +225,7 @@ pub(crate) fn framed<D: AsRef<[u8]>>(
     super::scene::with_model(outputs.image, model, (request, outputs.legend), |bodies| {
         let frame = frame_of(bodies, outputs.image, outputs, request);
         let request = RenderRequest { size: Some(frame.inner()), ..request.clone() };
-        let (image, _, seen) = paint_whole(bodies, &request, progress, &Relief::none())?;
+        let (image, _, seen) = paint_whole(bodies, &request, progress, &PictureMemory::none())?;
         Ok(frame.around(image, Some(&shown_of(bodies, &request, seen))))
     })
 }
@@ -272,7 +280,7 @@ pub(super) fn thumbnail_within_pages(
     let model = open_model(path)?;
     let output = ImageFile::create(output)?;
     let give_back = || model.give_back();
-    let relief = Relief::of_pages(pages_bytes, threads, (model.bytes(), &give_back));
+    let relief = PictureMemory::of_pages(pages_bytes, threads, (model.bytes(), &give_back));
     let space = (model.dims(), &model.affine());
     let (image, mut report) = thumbnail_within(&model.view(), space, (size, threads), &relief)?;
     report.bytes_touched = if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };

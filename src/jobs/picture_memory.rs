@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use crate::budget::{costs, mapped_rss_bytes, own_rss_bytes, resident_bytes};
 use crate::platform;
 use crate::render::{RenderError, RenderFault};
-use crate::scene::Look;
+use crate::scene::PictureSettings;
 
 /// Largest growth in a step: pages of the model, of which the system maps 16 at a time. It rises with the distance
 /// between the boxes that neighbouring pixels show. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16
@@ -40,7 +40,7 @@ const MIN_BAND: u32 = 1 << 13;
 const WHOLE_PIXEL: u64 = 4;
 
 /// Keeps the process's memory to a cap while a picture is made.
-pub(super) struct Relief<'a> {
+pub(super) struct PictureMemory<'a> {
     limit_bytes: Option<u64>,
     give_back: &'a (dyn Fn() + Sync),
     gave: AtomicBool,
@@ -61,7 +61,7 @@ pub(super) struct Relief<'a> {
     mapped: Option<&'a [u8]>,
 }
 
-impl<'a> Relief<'a> {
+impl<'a> PictureMemory<'a> {
     /// Keeps to a cap, if there is one, by giving pages of a model of so many bytes back; `held_pixels` of whole
     /// pictures are in memory at a time.
     pub(super) fn new(
@@ -112,7 +112,7 @@ impl<'a> Relief<'a> {
     /// [`RenderError`] when the fewest do not fit.
     pub(super) fn band_pixels(
         &self,
-        look: &Look,
+        look: &PictureSettings,
         files: usize,
         boxes_wide: f64,
         cells: bool,
@@ -164,7 +164,7 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// [`Relief::look`] where the steps so far cannot be counted.
+    /// [`PictureMemory::look`] where the steps so far cannot be counted.
     pub(super) fn look_now(&self) {
         let Some(limit_bytes) = self.limit_bytes else { return };
         let room = limit_bytes.saturating_sub(self.resident_bytes());

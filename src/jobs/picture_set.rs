@@ -14,7 +14,7 @@ use crate::scene::Seen;
 
 /// Number and arrangement of the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Shots {
+pub enum PictureSet {
     /// One picture.
     #[default]
     One,
@@ -92,7 +92,7 @@ const SHEET: [[NamedView; 3]; 2] = [
 /// Milliseconds of a whole turn.
 const TURN_MS: u32 = 6000;
 
-impl Shots {
+impl PictureSet {
     /// Pixels of whole pictures that are in memory at a time, for pictures of this size.
     pub(super) fn held_pixels(self, [width, height]: [u32; 2], legend: bool) -> u64 {
         let one = u64::from(width) * u64::from(height);
@@ -142,7 +142,7 @@ pub(super) struct Shot {
 
 /// Makes the pictures of one call and writes them; `take` makes one. A turntable begins at the named view.
 pub(super) fn write(
-    shots: Shots,
+    shots: PictureSet,
     layers: Layers,
     frame: &Frame,
     begin: Option<ViewPoint>,
@@ -153,20 +153,20 @@ pub(super) fn write(
     progress.stage("render", shots.rows(size[1]));
     let several = Several(progress);
     let mut seen = BTreeSet::new();
-    if shots == Shots::One {
+    if shots == PictureSet::One {
         let image = take(&Shot { point: None, size }, &mut seen, progress)?;
         return layers.write(&frame.around(image, Some(&seen)));
     }
     let mut at = |point, size| take(&Shot { point: Some(point), size }, &mut seen, &several);
     match shots {
-        Shots::One | Shots::Contact => {
+        PictureSet::One | PictureSet::Contact => {
             let sheet = sheet(size, |view, size| {
                 let point = ViewPoint::Named(view);
                 frame.with_caption(size, view.name(), |size| at(point, size))
             })?;
             layers.write(&frame.around(sheet, Some(&seen)))
         }
-        Shots::Turntable(count) => {
+        PictureSet::Turntable(count) => {
             let view = match begin {
                 Some(ViewPoint::Named(view)) => view,
                 _ => NamedView::Front,

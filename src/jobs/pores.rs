@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::cell_volume::Within;
+use super::cell_volume::CellVolume;
 use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
 use super::measure::wall_areas;
 use super::open_model::{open_model, refuse_larger_leaves, scratch_beside};
@@ -293,7 +293,7 @@ impl Geometry {
     /// The areas of a cell's surface, by the labels on its sides.
     fn sides(&self, view: &ModelView<'_>, cell: &LayerCell, add: &mut dyn FnMut(Side)) {
         if let Some(shape) = &cell.shape {
-            let area = Within::of(shape, &self.columns).area;
+            let area = CellVolume::of(shape, &self.columns).area;
             [(0, area), (1, area)].into_iter().for_each(add);
         } else if let Some(walls) = view.walls(cell.number) {
             let areas = wall_areas(&walls, &self.columns);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::picture_memory::Relief;
+use super::picture_memory::PictureMemory;
 use crate::fault::usage;
 use crate::format::ColorMap;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
@@ -20,7 +20,7 @@ use crate::render::shade::{Shader, linear_of};
 use crate::render::{
     Camera, Image, NamedView, Projection, RenderError, Samples, Shading, Smoothing, ViewPoint,
 };
-use crate::scene::{self, Counts, LabelRule, Look, Part, Scene, Section, Seen, Watch};
+use crate::scene::{self, Counts, Instance, LabelRule, PictureSettings, Scene, Section, Seen, Watch};
 
 /// A picture of a model or of a scene. `None` leaves an option to the scene; a single model has the defaults that are
 /// stated.
@@ -214,7 +214,7 @@ pub fn render_view(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), RenderError> {
-    render_within(view, (dims, affine), request, &Relief::none())
+    render_within(view, (dims, affine), request, &PictureMemory::none())
 }
 
 /// [`render_view`] within what `relief` allows.
@@ -222,14 +222,14 @@ fn render_within(
     view: &ModelView<'_>,
     (dims, affine): (Dims, &Affine),
     request: &RenderRequest,
-    relief: &Relief<'_>,
+    relief: &PictureMemory<'_>,
 ) -> Result<(Image, RenderReport), RenderError> {
     let scene = Scene::of_model(std::path::PathBuf::new()).shown_as(request.color, request.clip_mm);
     let parts = scene
         .models
         .iter()
-        .map(|model| Ok(Part::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
-    let parts: Vec<Part<'_>> = parts.collect::<Result<_, RenderError>>()?;
+        .map(|model| Ok(Instance::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
+    let parts: Vec<Instance<'_>> = parts.collect::<Result<_, RenderError>>()?;
     let bodies = Bodies { parts: &parts, scene: &scene, legend: None, ramp: None };
     let (image, report, _) = paint_whole(&bodies, request, &Silent, relief)?;
     Ok((image, report))
@@ -237,7 +237,7 @@ fn render_within(
 
 /// Models in their places, and the options of their scene.
 pub(super) struct Bodies<'a> {
-    pub(super) parts: &'a [Part<'a>],
+    pub(super) parts: &'a [Instance<'a>],
     pub(super) scene: &'a Scene,
     /// Entries of visible labels, if a legend is wanted.
     pub(super) legend: Option<Vec<(Seen, Entry)>>,
@@ -254,7 +254,7 @@ impl Bodies<'_> {
     /// [`Bodies::support`] of what is visible, or of all if nothing is.
     pub(super) fn support_of_visible(&self, direction: [f64; 3]) -> f64 {
         let all: Vec<_> = self.parts.iter().map(|part| (part, 0)).collect();
-        support(&all, direction, &Relief::none())
+        support(&all, direction, &PictureMemory::none())
     }
 
     /// The colour behind a picture (sRGB).
@@ -282,7 +282,7 @@ pub(super) fn paint_whole(
     bodies: &Bodies<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
-    relief: &Relief<'_>,
+    relief: &PictureMemory<'_>,
 ) -> Result<(Image, RenderReport, BTreeSet<Seen>), RenderError> {
     let [_, height] = bodies.size(request);
     let mut whole: Option<Image> = None;
@@ -306,7 +306,7 @@ pub(super) fn paint_parts(
     bodies: &Bodies<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
-    relief: &Relief<'_>,
+    relief: &PictureMemory<'_>,
     take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
 ) -> Result<(RenderReport, BTreeSet<Seen>), RenderError> {
     let mut prepared = Prepared::new(bodies, request, relief)?;
@@ -332,7 +332,7 @@ pub(super) fn paint_parts(
 /// A picture with its camera placed.
 pub(super) struct Prepared {
     start: Instant,
-    pub(super) look: Look,
+    pub(super) look: PictureSettings,
     /// Style of the strip below the picture.
     style: Option<Style>,
     /// Time of the preparation.
@@ -345,7 +345,7 @@ impl Prepared {
     pub(super) fn new(
         bodies: &Bodies<'_>,
         request: &RenderRequest,
-        relief: &Relief<'_>,
+        relief: &PictureMemory<'_>,
     ) -> Result<Self, RenderError> {
         let start = Instant::now();
         let Bodies { parts, scene, .. } = *bodies;
@@ -357,7 +357,7 @@ impl Prepared {
         if request.lod && request.section.is_none() {
             // A first pass over a few large boxes tells how large the boxes of the picture are; to place the camera, no
             // more of the file is needed.
-            let few = |part: &Part<'_>| part.space().dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
+            let few = |part: &Instance<'_>| part.space().dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
             let first = |number: usize| parts.get(number).map_or(0, few);
             let camera = place(bodies, request, [width, height], relief, &first)?;
             for (level, part) in levels.iter_mut().zip(parts) {
@@ -374,8 +374,8 @@ impl Prepared {
         if request.ambient_rays > 0 || request.shading.is_some() {
             ambient.rays = request.ambient_rays;
         }
-        let shows_values = parts.iter().any(Part::shows_values);
-        let look = Look {
+        let shows_values = parts.iter().any(Instance::shows_values);
+        let look = PictureSettings {
             width,
             height,
             near_mm: scene.camera.near_mm,
@@ -459,7 +459,7 @@ impl Prepared {
 
 /// Greatest `direction . p` over the visible points p of models in boxes of 2^k voxels, in mm; over all points where
 /// every label is hidden.
-fn support(parts: &[(&Part<'_>, u32)], direction: [f64; 3], relief: &Relief<'_>) -> f64 {
+fn support(parts: &[(&Instance<'_>, u32)], direction: [f64; 3], relief: &PictureMemory<'_>) -> f64 {
     relief.look_now();
     let visible = parts.iter().map(|(part, finest)| part.support_to(direction, *finest, &|| relief.look()));
     let most = visible.fold(f64::NEG_INFINITY, f64::max);
@@ -472,7 +472,7 @@ fn place(
     bodies: &Bodies<'_>,
     request: &RenderRequest,
     [width, height]: [u32; 2],
-    relief: &Relief<'_>,
+    relief: &PictureMemory<'_>,
     finest: &dyn Fn(usize) -> u32,
 ) -> Result<Camera, RenderError> {
     let Bodies { parts, scene, .. } = *bodies;
@@ -509,7 +509,7 @@ const FIRST_LOOK_LEVELS: u32 = 6;
 /// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, plus the bias;
 /// 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals but no mean
 /// ones.
-fn level_of_detail(part: &Part<'_>, camera: &Camera, (height, bias): (u32, i8), near_mm: f64) -> u32 {
+fn level_of_detail(part: &Instance<'_>, camera: &Camera, (height, bias): (u32, i8), near_mm: f64) -> u32 {
     let (view, space) = (part.view(), part.space());
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
@@ -553,7 +553,7 @@ pub fn thumbnail(
     size: u32,
     threads: usize,
 ) -> Result<(Image, RenderReport), RenderError> {
-    thumbnail_within(view, (dims, affine), (size, threads), &Relief::none())
+    thumbnail_within(view, (dims, affine), (size, threads), &PictureMemory::none())
 }
 
 /// [`thumbnail`] within what `relief` allows.
@@ -561,7 +561,7 @@ pub(super) fn thumbnail_within(
     view: &ModelView<'_>,
     (dims, affine): (Dims, &Affine),
     (size, threads): (u32, usize),
-    relief: &Relief<'_>,
+    relief: &PictureMemory<'_>,
 ) -> Result<(Image, RenderReport), RenderError> {
     let request = RenderRequest {
         size: Some([size; 2]),

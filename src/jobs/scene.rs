@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::frame::label_entries;
 use super::open_model::open_model;
-use super::picture_memory::Relief;
+use super::picture_memory::PictureMemory;
 use super::render::{Bodies, RenderReport, RenderRequest, paint_whole};
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
@@ -18,7 +18,7 @@ use crate::render::annotate::{Entry, Ramp};
 use crate::render::shade::Shader;
 use crate::render::{Image, Projection, RenderFault, ViewPoint};
 use crate::scene::{
-    self, Coloring, Colors, Key, MAX_BYTES, Opacity, Part, Scene, SceneError, SceneModel, Seen, Table,
+    self, Coloring, Colors, Instance, Key, MAX_BYTES, Opacity, Scene, SceneError, SceneModel, Seen, Table,
 };
 pub(crate) use crate::scene::{LabelPick, LabelRule, Section};
 use crate::text::names::{INFO, LABELS, LEGEND, SECTION};
@@ -160,7 +160,7 @@ fn parts<'a, D: AsRef<[u8]>>(
     path: &Path,
     models: &[Placed<'a, D>],
     request: &RenderRequest,
-) -> Result<Vec<Part<'a>>, Error> {
+) -> Result<Vec<Instance<'a>>, Error> {
     let tables =
         || models.iter().map(|(_, model, ..)| &*model.frame().labels).filter(|table| !table.is_empty());
     let is_idle = |rule: &&LabelRule| !tables().flatten().any(|label| rule.labels.contains(label));
@@ -193,16 +193,17 @@ fn parts<'a, D: AsRef<[u8]>>(
         if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
             return Err(wrong(bad!("{}: takes its colour from the channel {}, which the model lacks; build the model with it, or choose another material", key("material"), channel.name())).into());
         }
-        let part = Part::new(view, model.dims(), &affine, &placement, material, clip).map_err(|error| {
-            if is_scene(path) { wrong(scene::flat(&key("scale"))).into() } else { Error::from(error) }
-        })?;
+        let part =
+            Instance::new(view, model.dims(), &affine, &placement, material, clip).map_err(|error| {
+                if is_scene(path) { wrong(scene::flat(&key("scale"))).into() } else { Error::from(error) }
+            })?;
         parts.push(part.colored(colors).labelled(opacity));
     }
     Ok(parts)
 }
 
 /// The colours of the first model that shows measured values.
-fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Part<'_>]) -> Option<Ramp> {
+fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Instance<'_>]) -> Option<Ramp> {
     let ((_, model, ..), part) = models.iter().zip(parts).find(|(_, part)| part.shows_values())?;
     Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view().value_colors()?))
 }
@@ -275,7 +276,7 @@ pub(crate) fn picture_of<D: AsRef<[u8]>>(
     progress: &dyn Progress,
 ) -> Result<(Image, RenderReport), Error> {
     with_model(path, model, (request, false), |bodies| {
-        let (image, report, _) = paint_whole(bodies, request, progress, &Relief::none())?;
+        let (image, report, _) = paint_whole(bodies, request, progress, &PictureMemory::none())?;
         Ok((image, report))
     })
 }
@@ -291,7 +292,7 @@ pub(crate) fn camera_of<D: AsRef<[u8]>>(
 ) -> Result<(crate::render::GridSpace, crate::render::Camera), Error> {
     with_model(Path::new(""), model, (request, false), |bodies| {
         let request = RenderRequest { annotate: false, ..request.clone() };
-        let camera = super::render::Prepared::new(bodies, &request, &Relief::none())?.look.camera;
+        let camera = super::render::Prepared::new(bodies, &request, &PictureMemory::none())?.look.camera;
         let space = bodies.parts.first().map(|part| part.space().clone()).ok_or(Error::Internal)?;
         Ok((space, camera))
     })
@@ -394,8 +395,9 @@ impl OpenScene {
 
     /// Its picture, by the request's camera or its own.
     pub(super) fn picture(&self, request: &RenderRequest) -> Result<Image, Error> {
-        let image = self
-            .with((request, false), |bodies| Ok(paint_whole(bodies, request, &Silent, &Relief::none())?.0))?;
+        let image = self.with((request, false), |bodies| {
+            Ok(paint_whole(bodies, request, &Silent, &PictureMemory::none())?.0)
+        })?;
         self.check_unchanged()?;
         Ok(image)
     }

@@ -8,7 +8,7 @@
 use crate::fault::{Fault, unfit};
 use crate::geom::{Affine, cross, dot};
 
-use super::nearest::{Place, Query, Sample, Search};
+use super::nearest::{OctreeBox, Query, Sample, Search};
 
 /// Fewest samples.
 const MIN_SAMPLES: usize = 1000;
@@ -66,7 +66,7 @@ pub(crate) fn fit(
             samples.len()
         ));
     }
-    let mut seeds: Vec<Option<Place>> = vec![None; samples.len()];
+    let mut seeds: Vec<Option<OctreeBox>> = vec![None; samples.len()];
     let mut fit = Fit { placement: first, rounds: 0, rms: [0.0; 2], free: Vec::new() };
     let finest = search.surface.space.finest;
     loop {
@@ -108,7 +108,7 @@ fn apart(rms: f64) -> Fault {
 fn pairs(
     samples: &[Sample],
     placement: &Affine,
-    seeds: &mut [Option<Place>],
+    seeds: &mut [Option<OctreeBox>],
     (search, is_stopped): (&mut Search<'_>, &mut dyn FnMut() -> bool),
 ) -> Option<Vec<Pair>> {
     let space = search.surface.space;

@@ -279,7 +279,7 @@ fn close_loop(
 
 #[cfg(test)]
 mod tests {
-    use super::super::edge_parity::{Census, Closed};
+    use super::super::edge_parity::{Closed, EdgeParity};
     use super::*;
 
     /// A grid of squares, each of two triangles.
@@ -306,7 +306,7 @@ mod tests {
         })
         .unwrap();
         mesh.extend(caps);
-        let mut census = Census::default();
+        let mut census = EdgeParity::default();
         mesh.iter().for_each(|t| census.add(t));
         (census.closed(), loops, open)
     }

@@ -8,7 +8,7 @@ use super::lattice::Triangle;
 
 /// Sums over the edges of the triangles seen so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Census {
+pub(crate) struct EdgeParity {
     signed: u128,
     parity: u128,
 }
@@ -48,7 +48,7 @@ fn edge_hash(low: [u64; 2], high: [u64; 2]) -> u128 {
     u128::from(first) << 64 | u128::from(second)
 }
 
-impl Census {
+impl EdgeParity {
     #[inline]
     pub(crate) fn add(&mut self, t: &Triangle) {
         let [a, b, c, d, e, f, g, h, i] = *t;
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     fn closed(triangles: &[Triangle]) -> Closed {
-        let mut census = Census::default();
+        let mut census = EdgeParity::default();
         triangles.iter().for_each(|t| census.add(t));
         census.closed()
     }

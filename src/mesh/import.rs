@@ -8,12 +8,12 @@ use super::bins::{BINNING_BYTES, Binner, Bins};
 use super::boundary::{self, BOUNDARY_BYTES, OpenEdge, Sums, Table};
 use super::corner::Corner;
 use super::crossed::MeshCells;
-use super::edge_parity::{Census, Closed};
+use super::edge_parity::{Closed, EdgeParity};
 use super::lattice::{Bounds, Grid, GridChoice, Triangle, smallest_first};
 use super::paint::{self, COLLECTING_BYTES, Collector, PaintChannels, Painter};
 use super::raster::Rule;
 use super::reach::Reach;
-use super::read::{Limits, Look, MeshFile, READER_BYTES};
+use super::read::{Appearance, Limits, MeshFile, READER_BYTES};
 use super::resident::Resident;
 use super::shell::{self, Thin, ThinSolid};
 use super::solid::{MeshSolid, fixed_bytes};
@@ -35,7 +35,7 @@ use crate::volume::{SourceError, SourceFault};
 /// Most parts whose bounds are looked at.
 const MAX_PARTS: usize = 1024;
 
-pub(super) struct Front<'a> {
+pub(super) struct Importer<'a> {
     pub(super) inputs: &'a [PathBuf],
     pub(super) mesh: &'a MeshOptions,
     pub(super) options: &'a BuildOptions,
@@ -61,7 +61,7 @@ struct Closing {
 struct Counts {
     triangles: u64,
     flat: u64,
-    census: Census,
+    census: EdgeParity,
 }
 
 impl Counts {
@@ -124,7 +124,7 @@ impl PartBounds {
     }
 }
 
-impl Front<'_> {
+impl Importer<'_> {
     /// True if cells are built in place of skin voxels.
     fn is_of_cells(&self) -> bool {
         self.options.volume_surface() == SurfaceKind::Cells
@@ -494,7 +494,7 @@ impl Front<'_> {
         &self,
         files: &[MeshFile],
         grid: &Grid,
-        each: &mut dyn FnMut(&Triangle, &Look, usize) -> Result<(), SourceError>,
+        each: &mut dyn FnMut(&Triangle, &Appearance, usize) -> Result<(), SourceError>,
     ) -> Result<Counts, SourceError> {
         let place = |p| self.point(grid, p);
         self.go_through(files, &mut |file, number, counts| {
@@ -504,7 +504,7 @@ impl Front<'_> {
                 let at = corners.map(|corner| corner.at);
                 let t = smallest_first(at);
                 let mut look = *look;
-                if look != Look::NONE {
+                if look != Appearance::NONE {
                     look = look.rotated(at.iter().position(|corner| t.starts_with(corner)).unwrap_or(0));
                 }
                 counts.add(&corners);

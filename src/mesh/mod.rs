@@ -12,17 +12,17 @@
 //! | `read` | triangles from files |
 //! | `lattice` | the grid, and whole numbers for coordinates |
 //! | `corner` | vertices on the lattice, each once |
-//! | `census`, `boundary` | closed or not, by sums; open edges and caps |
+//! | `edge_parity`, `boundary` | closed or not, by sums; open edges and caps |
 //! | `bins` | triangles sorted by place, in a scratch file |
 //! | `raster` | crossings of rows and triangles, and the bits from them |
 //! | `resident`, `cells` | triangles in memory; small ones by cells of a voxel |
 //! | `nearest`, `bound`, `prism` | the triangle nearest to a voxel; bounds that rule out others |
 //! | `crossed` | cells instead of skin: planes at the crossings of edges and triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
-//! | `front` | conversion of files to a solid: all of the above, one after the other |
+//! | `import` | conversion of files to a solid: all of the above, one after the other |
 //! | `solid` | all of it as a solid of the builder |
 //! | `reach` | extent of the inside, compared with the mesh's |
-//! | `thin` | surfaces alone, and walls thinner than a voxel |
+//! | `shell` | surfaces alone, and walls thinner than a voxel |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
 //! for the bins, and one or two more where a mesh is open. Temporary disk: some 32 bytes a triangle of up to eight
@@ -49,7 +49,7 @@ mod resident;
 mod shell;
 mod solid;
 
-pub(crate) use edge_parity::{Census, Closed};
+pub(crate) use edge_parity::{Closed, EdgeParity};
 pub(crate) use findings::length;
 pub use findings::{Boundary, Fill, MeshFacts, MeshNote};
 pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, smallest_first, span};
@@ -70,7 +70,7 @@ use crate::volume::SourceError;
 use bins::{BINNING_BYTES, Bins};
 use boundary::BOUNDARY_BYTES;
 pub(crate) use crossed::cross_edges;
-use import::Front;
+use import::Importer;
 use paint::{COLLECTING_BYTES, Painter};
 pub use read::states_place;
 use read::{Limits, MeshFile, READER_BYTES};
@@ -158,7 +158,7 @@ pub fn with_mesh<T>(
     progress: &dyn Progress,
     then: impl FnOnce(&FileSolid<'_>, &BuildOptions) -> Result<T, BuildError>,
 ) -> Result<(T, MeshFacts, Vec<MeshNote>), BuildError> {
-    let front = Front { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() };
+    let front = Importer { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() };
     let (made, channels, facts, mut notes) = front.made()?;
     // Memory of reading goes back before the build takes its own.
     give_back();
@@ -183,7 +183,7 @@ pub(crate) fn mesh_part(
     let mesh = part_options(dims);
     let (inputs, scratch) = ([path.to_path_buf()], scratch.to_path_buf());
     let (placed, reach) = (Some(placed), Arc::default());
-    let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach };
+    let front = Importer { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach };
     let (mut solid, facts, _) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
     Ok((solid, facts))
@@ -213,7 +213,7 @@ pub(crate) fn triangles_part(
         return Ok(None);
     }
     let (scratch, reach) = (scratch.to_path_buf(), Arc::default());
-    let front = Front { inputs: &[], mesh: &mesh, options, scratch, progress, placed: None, reach };
+    let front = Importer { inputs: &[], mesh: &mesh, options, scratch, progress, placed: None, reach };
     let mut solid = front.of_triangles(triangles, rule)?;
     solid.resident = (solid.resident / parts).max(MIN_RESIDENT);
     Ok(Some(solid))

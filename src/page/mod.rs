@@ -56,7 +56,7 @@ pub(crate) const FOV_DEG: f64 = 30.0;
 
 /// Transport of a page to a browser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Transport {
     /// From a file.
     File,
     /// From a server that makes pictures, too.
@@ -79,11 +79,11 @@ pub(crate) enum Shown<'a, D> {
 
 impl<D: AsRef<[u8]>> Shown<'_, D> {
     /// Classes of the page, which tell its scripts what to prepare while the model is loading.
-    fn kind(&self, way: Way) -> &'static str {
+    fn kind(&self, way: Transport) -> &'static str {
         let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
         match (way, has_labels) {
-            (Way::Pictures, true) => "asks",
-            (Way::Pictures, false) => "asks plain",
+            (Transport::Pictures, true) => "asks",
+            (Transport::Pictures, false) => "asks plain",
             (_, true) => "",
             // Linked models are coarse at first, without labels.
             (_, false) => "plain",
@@ -116,7 +116,7 @@ struct Head<'a> {
     served: bool,
     /// The table of labels; labels of voxels are indices into it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    labels: Vec<Part<'a>>,
+    labels: Vec<LabelEntry<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     quantity: Option<Measured<'a>>,
     sections: Vec<Section>,
@@ -124,7 +124,7 @@ struct Head<'a> {
 
 /// A label.
 #[derive(Serialize)]
-struct Part<'a> {
+struct LabelEntry<'a> {
     number: u16,
     name: &'a str,
     color: [u8; 3],
@@ -172,7 +172,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     shown: &Shown<'_, D>,
     title: &str,
     picture: &[u8],
-    way: Way,
+    way: Transport,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let script = script(way);
@@ -183,9 +183,9 @@ pub(crate) fn write<D: AsRef<[u8]>>(
         hash(&script),
         hash(&style),
         match way {
-            Way::File => "",
-            Way::Served | Way::Pictures => " 'self'",
-            Way::Linked => "; connect-src 'self'",
+            Transport::File => "",
+            Transport::Served | Transport::Pictures => " 'self'",
+            Transport::Linked => "; connect-src 'self'",
         }
     );
     for part in PAGE.split("{{") {
@@ -206,7 +206,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     out.flush()
 }
 
-fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Write) -> io::Result<()> {
+fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Transport, out: &mut dyn Write) -> io::Result<()> {
     let mut head = match shown {
         Shown::Linked(model) => return write_head(&serde_json::json!({ "model": model }), out),
         Shown::Model(model, space) => Head::of(model, space),
@@ -215,8 +215,8 @@ fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Writ
             Head { box_mm: *box_mm, affine, start, ..Head::default() }
         }
     };
-    head.served = way != Way::File;
-    if let (Shown::Model(model, _), Way::File | Way::Served) = (shown, way) {
+    head.served = way != Transport::File;
+    if let (Shown::Model(model, _), Transport::File | Transport::Served) = (shown, way) {
         head.sections = data::write(model, out)?;
     }
     write_head(&head, out)
@@ -239,7 +239,7 @@ impl<'a> Head<'a> {
             direction[axis] = sign;
             sign * space.support(&view, direction)
         };
-        let part = |label: &'a Label| Part {
+        let part = |label: &'a Label| LabelEntry {
             number: label.number,
             name: &label.name,
             color: label.color,
@@ -264,13 +264,13 @@ impl<'a> Head<'a> {
     }
 }
 
-fn script(way: Way) -> String {
+fn script(way: Transport) -> String {
     let squeezed = |text: &str| joined(&shortened(&slim(text)));
     let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
     let load = match way {
-        Way::File => squeezed(LOAD),
-        Way::Served | Way::Pictures => squeezed(LOAD) + &squeezed(ASK),
-        Way::Linked => squeezed(STREAM),
+        Transport::File => squeezed(LOAD),
+        Transport::Served | Transport::Pictures => squeezed(LOAD) + &squeezed(ASK),
+        Transport::Linked => squeezed(STREAM),
     };
     let trace = serde_json::Value::from(joined(&slim(TRACE)));
     // One strict scope; a shader is a string of it.
@@ -374,7 +374,7 @@ mod tests {
 
     #[test]
     fn scripts_are_short_and_cannot_end_their_element() {
-        for way in [Way::File, Way::Served, Way::Pictures, Way::Linked] {
+        for way in [Transport::File, Transport::Served, Transport::Pictures, Transport::Linked] {
             let script = script(way);
             assert!(script.len() < 60 << 10, "{way:?}: {}", script.len());
             assert!(!script.contains("</script") && !script.contains("<!--"));

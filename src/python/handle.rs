@@ -27,7 +27,7 @@ use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
-use crate::render::pixel_rays::Sight;
+use crate::render::pixel_rays::PixelRays;
 use crate::render::{Image, Layout, RayCaster};
 use crate::text::data;
 
@@ -151,7 +151,7 @@ fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult
 
 /// Lines of sight through the middles of pixels, row by row.
 struct Pixels<'a> {
-    sight: Sight<'a>,
+    sight: PixelRays<'a>,
     width: usize,
     height: usize,
 }
@@ -271,7 +271,7 @@ impl Handle {
         let [width, height] = asked.size;
         let found = self.each(py, width as usize * height as usize, |model, progress| {
             let (space, camera) = camera_of(model, &request)?;
-            let sight = Sight::new(&space, &camera, width, height);
+            let sight = PixelRays::new(&space, &camera, width, height);
             let pixels = Pixels { sight, width: width as usize, height: height as usize };
             rays::first_hits(&RayCaster::new(model)?, &pixels, (request.threads, progress))
         })?;

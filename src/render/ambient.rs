@@ -50,7 +50,7 @@ pub(crate) struct Sky {
 }
 
 /// Buffers of a worker, from tile to tile of one model's picture: bricks seen by rays are remembered.
-pub(crate) struct Lot {
+pub(crate) struct RayBatch {
     batch: Batch,
     rays: Vec<Ray>,
     /// The pixel of each ray.
@@ -60,7 +60,7 @@ pub(crate) struct Lot {
     closed: [u16; RAYS],
 }
 
-impl Lot {
+impl RayBatch {
     pub(crate) fn new(form: Form) -> Self {
         let (rays, of, met) = (Vec::new(), Vec::new(), Vec::new());
         Self { batch: Batch::new(form), rays, of, met, closed: [0; RAYS] }

@@ -17,16 +17,16 @@
 //! | [`discrete`] | the paper's own traversal |
 //! | `pairs`, `pairs_vbmi2` | rays of a tile and the planes of a brick, sixteen pairs at a time |
 //! | `occupancy`, `mirrored_ray` | two levels of the octree at once; whether a ray passes through a box, exactly |
-//! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
+//! | [`pixel_rays`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
-//! | `leave` | rays that start at a surface, beyond the box that was hit |
+//! | `ray_offset` | rays that start at a surface, beyond the box that was hit |
 //! | `ambient` | ambient occlusion, which darkens hollows |
 //! | `normals` | the normal that is shown at a hit |
 //! | `choices` | options for light, normals and samples |
 //! | [`shade`], [`picture`], [`image`] | light; sizes, threads and codes of pictures; files. The painter is [`crate::scene`] |
-//! | `soften` | openness as a mean over pixels, and where neighbours differ |
+//! | `ambient_filter` | openness as a mean over pixels, and where neighbours differ |
 //! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 //!

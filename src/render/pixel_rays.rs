@@ -11,7 +11,7 @@ use crate::cpu::{DOUBLES, Lanes};
 
 /// The lines of sight through a picture's pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct PixelRays<'a> {
     space: &'a GridSpace,
     camera: &'a Camera,
     width: f64,
@@ -91,7 +91,7 @@ impl Pencil {
     }
 }
 
-impl<'a> Sight<'a> {
+impl<'a> PixelRays<'a> {
     /// The lines of sight of a camera through a picture of this size in pixels.
     pub fn new(space: &'a GridSpace, camera: &'a Camera, width: u32, height: u32) -> Self {
         let (width, height) = (f64::from(width), f64::from(height));
@@ -110,7 +110,7 @@ impl<'a> Sight<'a> {
         self.camera.ray((2.0 * x - self.width) / self.width, (self.height - 2.0 * y) / self.height)
     }
 
-    /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, equal to [`Sight::line`].
+    /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, equal to [`PixelRays::line`].
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
     pub(super) fn directions(&self, corner: [usize; 2], out: &mut [[f64; RAYS]; 3]) {

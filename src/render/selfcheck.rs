@@ -5,7 +5,7 @@ use crate::load::{ModelView, NodeView};
 
 use super::batch::Batch;
 use super::cells::Cells;
-use super::pixel_rays::Sight;
+use super::pixel_rays::PixelRays;
 use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
 use super::surface::{Skin, Surface};
@@ -142,7 +142,7 @@ impl Mismatches {
     }
 
     /// Compares a tile of a picture, in every form, with its rays alone.
-    pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &Sight<'_>, tile: Tile) {
+    pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &PixelRays<'_>, tile: Tile) {
         if !view.has_leaves() {
             self.compare_tile_of(view, &Skin, sight, tile);
         }
@@ -158,7 +158,7 @@ impl Mismatches {
         &mut self,
         view: &ModelView<'_>,
         surface: &S,
-        sight: &Sight<'_>,
+        sight: &PixelRays<'_>,
         tile: Tile,
     ) {
         let alone = |ray: &Ray| single::trace(Form::Portable, view, surface, ray, tile.lod_edge_log2).hit;
@@ -177,7 +177,7 @@ impl Mismatches {
 }
 
 /// The ray of a tile with this number.
-fn ray_of(sight: &Sight<'_>, tile: Tile, number: usize) -> Option<Ray> {
+fn ray_of(sight: &PixelRays<'_>, tile: Tile, number: usize) -> Option<Ray> {
     let [x, y] = [tile.corner.0 + number % TILE, tile.corner.1 + number / TILE];
     sight.ray(x as f64 + 0.5, y as f64 + 0.5)
 }
@@ -222,7 +222,7 @@ pub fn tile_mismatches(view: &ModelView<'_>, rays: u64, seed: u64) -> Mismatches
     let mut counts = Mismatches::default();
     for _ in 0..rays.div_ceil(4 * RAYS as u64) {
         let Some((space, camera, size)) = random_picture(&mut random, view.depth()) else { continue };
-        let sight = Sight::new(&space, &camera, size, size);
+        let sight = PixelRays::new(&space, &camera, size, size);
         for _ in 0..4 {
             let bits = random.bits();
             let at = |bits: u64| usize::try_from(bits % u64::from(size)).unwrap_or(0) / TILE * TILE;

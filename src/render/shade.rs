@@ -8,7 +8,7 @@
 //! on every machine; powers do not use the system's functions.
 
 use super::Shading;
-use super::pixel_rays::Sight;
+use super::pixel_rays::PixelRays;
 use super::tile::RAYS;
 use crate::cpu::{Kernel, Lanes};
 use crate::geom::dot;
@@ -180,7 +180,7 @@ impl Lit {
 
 /// Colours of a tile's pixels, equal to [`Rig::of`] and [`Shader::encode`] one by one.
 pub(crate) struct TileLight<'a> {
-    pub(crate) sight: &'a Sight<'a>,
+    pub(crate) sight: &'a PixelRays<'a>,
     pub(crate) rig: &'a Rig,
     /// Column and row of the tile's first pixel.
     pub(crate) corner: [usize; 2],

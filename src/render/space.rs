@@ -25,7 +25,7 @@ const CELLS_A_LOOK: u32 = 64;
 pub(crate) type Bounds = [[u32; 3]; 2];
 
 /// Greatest value within a cell, by its number and its lowest corner.
-type Reach<'r> = dyn Fn(&Way<'_>, u64, [u32; 3]) -> f64 + 'r;
+type Reach<'r> = dyn Fn(&GridDirection<'_>, u64, [u32; 3]) -> f64 + 'r;
 
 /// A model's place in the world.
 #[derive(Clone, Debug)]
@@ -179,7 +179,7 @@ impl GridSpace {
             return shown.map_or_else(all, |shown| self.support_of_visible(view, direction, shown, &|| {}));
         };
         let is_shown = |label: u16| shown.map_or(label, |(hidden, _)| hidden.seen(label)) > 0;
-        let reach = |way: &Way<'_>, cell: u64, at: [u32; 3]| match view.walls(cell) {
+        let reach = |way: &GridDirection<'_>, cell: u64, at: [u32; 3]| match view.walls(cell) {
             Some(walls) => way.bound_of_walls(&walls, at, is_shown),
             None => match cells.shape(cell) {
                 CellShape::Plane(plane) => way.bound_of_leaf(&plane, at, 1),
@@ -229,7 +229,7 @@ impl GridSpace {
         look: &dyn Fn(),
     ) -> f64 {
         let looked = Cell::new(0_u32);
-        let reach = |way: &Way<'_>, cell: u64, at: [u32; 3]| {
+        let reach = |way: &GridDirection<'_>, cell: u64, at: [u32; 3]| {
             looked.set(looked.get().wrapping_add(1));
             if looked.get().is_multiple_of(CELLS_A_LOOK) {
                 look();
@@ -265,7 +265,7 @@ impl GridSpace {
             let corner = self.dims.to_array();
             return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
         }
-        let way = Way { weight, constant, bounds, view };
+        let way = GridDirection { weight, constant, bounds, view };
         let root = (way.bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth);
         let mut best = f64::NEG_INFINITY;
         let mut waiting = vec![root];
@@ -343,14 +343,14 @@ impl Kernel for NormalsToWorld<'_> {
 }
 
 /// A direction in the grid, with the model's boxes to measure along it.
-struct Way<'a> {
+struct GridDirection<'a> {
     weight: [f64; 3],
     constant: f64,
     bounds: Bounds,
     view: &'a ModelView<'a>,
 }
 
-impl Way<'_> {
+impl GridDirection<'_> {
     /// Greatest value within a box and the bounds; -inf without a cell in both.
     fn bound(&self, low: [u32; 3], edge: u32) -> f64 {
         let [from, end] = self.bounds;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::cpu::Form;
 use crate::geom::{NodeIndex, add_scaled, dot};
 use crate::render::Samples;
-use crate::render::ambient::{Lot, ShadedPoint, tangents};
+use crate::render::ambient::{RayBatch, ShadedPoint, tangents};
 use crate::render::ambient_filter::{Patch, WIDE};
 use crate::render::colors::label_of;
 use crate::render::image::Image;
@@ -22,7 +22,7 @@ use crate::render::picture::{depth_code, normal_code};
 use crate::render::shade::{Lit, TileLight};
 use crate::render::tile::{RAYS as TILE_PIXELS, TILE, Tracer};
 
-use super::body::Met;
+use super::body::SurfaceHit;
 use super::paint::{Counts, FirstHits, Group, Painter, Seen, rays_of};
 use super::shade::{BEYOND_RIM, Branch, WorkerMemory};
 
@@ -137,13 +137,13 @@ pub(super) struct WorkerState {
     pub(super) tracer: Tracer,
     pub(super) memory: WorkerMemory,
     normals: TileNormals,
-    lot: Lot,
+    lot: RayBatch,
 }
 
 impl WorkerState {
     fn new(form: Form, files: usize) -> Self {
         let (tracer, memory) = (Tracer::new(form), WorkerMemory::new(files));
-        Self { tracer, memory, normals: TileNormals::new(form), lot: Lot::new(form) }
+        Self { tracer, memory, normals: TileNormals::new(form), lot: RayBatch::new(form) }
     }
 }
 
@@ -220,8 +220,10 @@ impl Painter<'_> {
         for (ray, pixel) in out.hits.iter_mut().enumerate() {
             *pixel = match &met[ray % TILE_PIXELS] {
                 None => PixelHit::NOTHING,
-                Some((_, Met::Cut { plane, t, label })) => PixelHit::cut(*plane, *t, label.unwrap_or(0)),
-                Some((number, Met::Surface(hit))) => {
+                Some((_, SurfaceHit::Cut { plane, t, label })) => {
+                    PixelHit::cut(*plane, *t, label.unwrap_or(0))
+                }
+                Some((number, SurfaceHit::Surface(hit))) => {
                     self.stage.world.bodies[*number].normals.seen(hit, || self.line(group, ray))
                 }
             };
@@ -272,7 +274,7 @@ impl Painter<'_> {
 
     /// Measures the openness around the hits of a single body, by the world unit normals there. Returns the number of
     /// rays.
-    fn look_around(&self, lot: &mut Lot, group: Group, met: &FirstHits, out: &mut BandTile<'_>) -> u64 {
+    fn look_around(&self, lot: &mut RayBatch, group: Group, met: &FirstHits, out: &mut BandTile<'_>) -> u64 {
         let (Some(sky), [body], Group::Pixels(corner, _)) = (&self.sky, &*self.stage.world.bodies, group)
         else {
             return 0;
@@ -281,7 +283,7 @@ impl Painter<'_> {
         lot.begin();
         let (mut traced, mut level) = (0, body.level);
         let hits = met.iter().enumerate().filter_map(|(at, met)| match met {
-            Some((_, Met::Surface(hit))) => Some((at, hit)),
+            Some((_, SurfaceHit::Surface(hit))) => Some((at, hit)),
             _ => None,
         });
         for (at, hit) in hits.clone() {

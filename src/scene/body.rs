@@ -20,7 +20,7 @@ use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::colors::{color_of, first_voxel};
-use crate::render::normals::neighborhood::Surroundings;
+use crate::render::normals::neighborhood::Neighborhood;
 use crate::render::normals::shading_normal::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};
 use crate::render::ray::Ray;
 use crate::render::ray_offset::{REACH, leaving};
@@ -50,7 +50,7 @@ const WALL: f64 = 1.75;
 
 /// A model, its place in the scene, and its material.
 #[derive(Debug)]
-pub struct Part<'a> {
+pub struct Instance<'a> {
     view: &'a ModelView<'a>,
     space: GridSpace,
     /// Number of the file: models of one file share it.
@@ -63,7 +63,7 @@ pub struct Part<'a> {
     visible: OnceLock<Bounds>,
 }
 
-impl<'a> Part<'a> {
+impl<'a> Instance<'a> {
     /// A model with this affine, moved by `placement` from its own millimetres to the scene.
     ///
     /// Instances of a file share their `view`, and have the same `file` number.
@@ -180,7 +180,7 @@ impl<'a> Part<'a> {
         self.space.support(self.view, direction)
     }
 
-    /// [`Part::support`] of the inside of what is visible, as `oct info` measures extents; -inf if all is hidden.
+    /// [`Instance::support`] of the inside of what is visible, as `oct info` measures extents; -inf if all is hidden.
     pub(crate) fn support_of_inside(&self, direction: [f64; 3]) -> f64 {
         if self.is_invisible() {
             return f64::NEG_INFINITY;
@@ -188,7 +188,7 @@ impl<'a> Part<'a> {
         self.space.support_of_inside(self.view, direction, self.visible(&|| {}))
     }
 
-    /// [`Part::support`] of what is visible, with boxes of 2^`finest` voxels, or cells where labels are hidden; -inf if
+    /// [`Instance::support`] of what is visible, with boxes of 2^`finest` voxels, or cells where labels are hidden; -inf if
     /// all are. `look` is called now and then during a long search.
     pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32, look: &dyn Fn()) -> f64 {
         if self.is_invisible() {
@@ -252,23 +252,23 @@ pub(super) enum Start {
 
 /// Purpose of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub(super) enum RayKind {
     /// Sight, which meets every label that is not hidden.
-    Sight,
+    PixelRays,
     /// Light, which meets the solid labels.
     Light,
 }
 
 /// The place where a line meets a body.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Met {
+pub(super) enum SurfaceHit {
     /// The surface; t of the hit is along the line.
     Surface(Hit),
     /// The interior cut open by a plane, with its label, if it has one.
     Cut { plane: usize, t: f64, label: Option<u16> },
 }
 
-impl Met {
+impl SurfaceHit {
     pub(super) fn t(&self) -> f64 {
         match self {
             Self::Surface(hit) => hit.t,
@@ -290,26 +290,26 @@ pub(super) struct Stretch {
 
 /// A line on its way to a body.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Way {
+pub(super) struct BodyRay {
     line: Line,
     /// t at its start.
     least: f64,
     span: Span,
-    purpose: Purpose,
+    purpose: RayKind,
     /// Hit where the line left the body last, and the side that it runs on.
     from: Option<(Hit, Side)>,
 }
 
 /// Result for a line before its ray is traced.
 enum Begun {
-    Met(Met),
-    Way(Way),
+    SurfaceHit(SurfaceHit),
+    BodyRay(BodyRay),
 }
 
 /// A part with the data that its lines need.
 #[derive(Debug)]
 pub(super) struct Body<'a> {
-    pub(super) part: &'a Part<'a>,
+    pub(super) part: &'a Instance<'a>,
     pub(super) normals: Normals<'a>,
     pub(super) cells: Option<Cells<'a>>,
     /// The cells that light meets: labels that let some of it through are left out.
@@ -324,8 +324,8 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Body<'a> {
-    /// A body with boxes of `2^level` voxels as its surface, as far as [`Part::level`] allows.
-    pub(super) fn of(part: &'a Part<'a>, form: Form, smoothing: Smoothing, level: u32) -> Self {
+    /// A body with boxes of `2^level` voxels as its surface, as far as [`Instance::level`] allows.
+    pub(super) fn of(part: &'a Instance<'a>, form: Form, smoothing: Smoothing, level: u32) -> Self {
         let dimmed = part.opacity.as_ref().filter(|opacity| !opacity.is_solid());
         let level = part.level(level);
         let cells = |of_sight: bool| {
@@ -348,10 +348,10 @@ impl<'a> Body<'a> {
     }
 
     /// The stored form of a hit in a pixel, and the visible label there where some are not solid; else 0.
-    pub(super) fn pixel(&self, line: Line, met: &Met) -> (PixelHit, u16) {
+    pub(super) fn pixel(&self, line: Line, met: &SurfaceHit) -> (PixelHit, u16) {
         match met {
-            Met::Cut { plane, t, label } => (PixelHit::cut(*plane, *t, label.unwrap_or(0)), 0),
-            Met::Surface(hit) => {
+            SurfaceHit::Cut { plane, t, label } => (PixelHit::cut(*plane, *t, label.unwrap_or(0)), 0),
+            SurfaceHit::Surface(hit) => {
                 let label = if self.part.is_dimmed() { self.part.label_number(line, hit) } else { 0 };
                 (self.normals.seen(hit, || line), label)
             }
@@ -401,8 +401,8 @@ impl<'a> Body<'a> {
     }
 
     /// First hit of a ray of the grid.
-    fn trace(&self, purpose: Purpose, ray: &Ray) -> Option<Hit> {
-        match if purpose == Purpose::Sight { &self.cells } else { &self.solids } {
+    fn trace(&self, purpose: RayKind, ray: &Ray) -> Option<Hit> {
+        match if purpose == RayKind::PixelRays { &self.cells } else { &self.solids } {
             Some(cells) => single::trace(self.form, self.part.view, cells, ray, self.level).hit,
             None => single::trace(self.form, self.part.view, &Skin, ray, self.level).hit,
         }
@@ -438,7 +438,7 @@ impl<'a> Body<'a> {
     }
 
     /// First hit of such a line.
-    fn hit(&self, purpose: Purpose, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
+    fn hit(&self, purpose: RayKind, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
         let (ray, before) = self.ray(line, least, from)?;
         let hit = self.trace(purpose, &ray)?;
         Some(Hit { t: before + hit.t, ..hit })
@@ -447,14 +447,14 @@ impl<'a> Body<'a> {
     /// The first intersection of a line with the body, between two values of t.
     pub(super) fn meet(
         &self,
-        purpose: Purpose,
+        purpose: RayKind,
         line: Line,
         limits: [f64; 2],
         start: Option<&Start>,
-    ) -> Option<Met> {
+    ) -> Option<SurfaceHit> {
         match self.begin(purpose, line, limits, start)? {
-            Begun::Met(met) => Some(met),
-            Begun::Way(way) => {
+            Begun::SurfaceHit(met) => Some(met),
+            Begun::BodyRay(way) => {
                 let first = match start {
                     Some(Start::Through { hit }) if self.has_walls() => self.next_wall(line, hit),
                     _ => self.hit(purpose, line, way.span.enter, left(&way, start)),
@@ -465,7 +465,7 @@ impl<'a> Body<'a> {
     }
 
     /// The way of a line, as far as it is known without a ray.
-    fn begin(&self, purpose: Purpose, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
+    fn begin(&self, purpose: RayKind, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
         let mut span = Span::of(limits);
         if !self.part.clip.is_empty() {
             let on = match start {
@@ -474,14 +474,14 @@ impl<'a> Body<'a> {
             };
             span = self.part.clip.span(line, limits, on)?;
             if let Some(cut) = span.by.and_then(|plane| self.cut(line, span, plane)) {
-                return Some(Begun::Met(cut));
+                return Some(Begun::SurfaceHit(cut));
             }
         }
         let from = match start {
             Some(Start::Surface { hit, side }) => Some((*hit, *side)),
             _ => None,
         };
-        Some(Begun::Way(Way { line, least: limits[0], span, purpose, from }))
+        Some(Begun::BodyRay(BodyRay { line, least: limits[0], span, purpose, from }))
     }
 
     /// The way of a line for a batch of rays: its ray, and t at the ray's start. `Err` with the result if it is already
@@ -491,30 +491,30 @@ impl<'a> Body<'a> {
         line: Line,
         limits: [f64; 2],
         start: Option<&Start>,
-    ) -> Result<(Way, Ray, f64), Option<Met>> {
-        match self.begin(Purpose::Light, line, limits, start) {
-            Some(Begun::Way(way)) => {
+    ) -> Result<(BodyRay, Ray, f64), Option<SurfaceHit>> {
+        match self.begin(RayKind::Light, line, limits, start) {
+            Some(Begun::BodyRay(way)) => {
                 // As in pictures of one model: a surface is not darkened by its own steps.
                 let reach = if way.from.is_some() { REACH } else { self.reach };
                 let from = left(&way, start).map(|hit| (hit, reach));
                 let (ray, before) = self.ray_beyond(line, way.span.enter, from).ok_or(None)?;
                 Ok((way, ray, before))
             }
-            Some(Begun::Met(met)) => Err(Some(met)),
+            Some(Begun::SurfaceHit(met)) => Err(Some(met)),
             None => Err(None),
         }
     }
 
     /// Resolves a way whose ray has this first hit, t along the line: skips the steps of its own staircase.
-    pub(super) fn follow(&self, way: Way, first: Option<Hit>) -> Option<Met> {
-        let Way { line, least, span, purpose, mut from } = way;
+    pub(super) fn follow(&self, way: BodyRay, first: Option<Hit>) -> Option<SurfaceHit> {
+        let BodyRay { line, least, span, purpose, mut from } = way;
         let mut found = first;
         let mut passed = None;
         let mut steps = 0..MAX_STEPS;
         loop {
             let Some(hit) = found else {
                 // A line within must exit somewhere: if nothing follows, the hit skipped last was not a step.
-                return passed.map(Met::Surface);
+                return passed.map(SurfaceHit::Surface);
             };
             if hit.t > span.leave {
                 return None;
@@ -529,7 +529,7 @@ impl<'a> Body<'a> {
                     from = Some((hit, side));
                     found = self.hit(purpose, line, span.enter, Some(&hit));
                 }
-                _ => return Some(Met::Surface(hit)),
+                _ => return Some(SurfaceHit::Surface(hit)),
             }
         }
     }
@@ -561,7 +561,7 @@ impl<'a> Body<'a> {
     }
 
     /// Like [`Self::outward`], blended between the boxes around.
-    pub(super) fn smooth_outward(&self, around: &mut Surroundings, line: Line, hit: Hit) -> Option<[f64; 3]> {
+    pub(super) fn smooth_outward(&self, around: &mut Neighborhood, line: Line, hit: Hit) -> Option<[f64; 3]> {
         let seen = self.normals.seen(&hit, || line);
         self.normals.smooth_outward(around, seen, line)
     }
@@ -570,7 +570,8 @@ impl<'a> Body<'a> {
     fn hits(&self, line: Line) -> Vec<Hit> {
         let (mut found, mut last) = (Vec::new(), None);
         while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
-            && let Some(hit) = self.trace(Purpose::Sight, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
+            && let Some(hit) =
+                self.trace(RayKind::PixelRays, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
         {
             found.push(hit);
             last = Some(hit);
@@ -617,7 +618,7 @@ impl<'a> Body<'a> {
     }
 
     /// The cut face where a line enters by a plane, if the plane has a cap.
-    fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
+    fn cut(&self, line: Line, span: Span, plane: usize) -> Option<SurfaceHit> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
         let label = if self.has_walls() {
@@ -628,7 +629,7 @@ impl<'a> Body<'a> {
         };
         // Hidden labels have no cut face.
         let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
-        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, label })
+        (part > 0.0).then_some(SurfaceHit::Cut { plane, t: span.enter, label })
     }
 
     /// A box of the wall around an inside point; `None` outside. A point is inside if lines along all six axes meet the
@@ -640,7 +641,7 @@ impl<'a> Body<'a> {
         for axis in 0..6 {
             let mut direction = [0.0; 3];
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
-            let Some(hit) = self.hit(Purpose::Light, (at, direction), 0.0, None) else {
+            let Some(hit) = self.hit(RayKind::Light, (at, direction), 0.0, None) else {
                 if may_be_open {
                     continue;
                 }
@@ -662,7 +663,7 @@ impl<'a> Body<'a> {
 }
 
 /// The box that a line leaves first.
-fn left<'h>(way: &'h Way, start: Option<&'h Start>) -> Option<&'h Hit> {
+fn left<'h>(way: &'h BodyRay, start: Option<&'h Start>) -> Option<&'h Hit> {
     match start {
         Some(Start::Through { hit }) => Some(hit),
         _ => way.from.as_ref().map(|(hit, _)| hit),
@@ -670,7 +671,7 @@ fn left<'h>(way: &'h Way, start: Option<&'h Start>) -> Option<&'h Hit> {
 }
 
 /// Corners of the grid that enclose the surface, with a margin of one box.
-fn bounds(part: &Part<'_>) -> [[f64; 3]; 2] {
+fn bounds(part: &Instance<'_>) -> [[f64; 3]; 2] {
     let mut found = [[0.0; 3]; 2];
     for (a, [x, y, z, constant]) in part.space.world_to_grid().rows.into_iter().enumerate() {
         found[0][a] = constant - part.support([-x, -y, -z]) - 1.0;

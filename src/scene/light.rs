@@ -47,7 +47,7 @@ pub struct Ambient {
 
 /// A way to a light: unit vector and distance in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Way {
+pub(super) struct LightSample {
     pub(super) towards: [f64; 3],
     pub(super) distance: f64,
 }
@@ -64,21 +64,23 @@ impl Light {
     }
 
     /// The way to the light from a point; `None` at the light itself.
-    pub(super) fn way(&self, from: [f64; 3], camera: &Camera) -> Option<Way> {
+    pub(super) fn way(&self, from: [f64; 3], camera: &Camera) -> Option<LightSample> {
         let to = |at: [f64; 3]| {
             let way = add_scaled(at, -1.0, from);
             let distance = dot(way, way).sqrt();
-            (distance > 0.0).then(|| Way { towards: way.map(|c| c / distance), distance })
+            (distance > 0.0).then(|| LightSample { towards: way.map(|c| c / distance), distance })
         };
         match self.kind {
-            LightKind::Directional { towards } => Some(Way { towards, distance: f64::INFINITY }),
-            LightKind::Key => Some(Way { towards: towards_key(camera.axes()), distance: f64::INFINITY }),
+            LightKind::Directional { towards } => Some(LightSample { towards, distance: f64::INFINITY }),
+            LightKind::Key => {
+                Some(LightSample { towards: towards_key(camera.axes()), distance: f64::INFINITY })
+            }
             LightKind::Point { at } => to(at),
             LightKind::Head => match camera.eye() {
                 Some(eye) => to(eye),
                 None => {
                     let [_, _, forward] = camera.axes();
-                    Some(Way { towards: forward.map(|c| -c), distance: f64::INFINITY })
+                    Some(LightSample { towards: forward.map(|c| -c), distance: f64::INFINITY })
                 }
             },
         }

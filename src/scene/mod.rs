@@ -16,7 +16,7 @@
 //! | `shade` | light, shadow, mirrors, glass |
 //! | `paint` | rays from the eye, and the parts of a picture |
 //! | `band` | the buffer that rays fill and shading reads |
-//! | `refine` | several rays of a pixel |
+//! | `supersampling` | several rays of a pixel |
 //! | `section` | slices |
 //! | `walls` | the parts of a line within each label |
 //! | `place`, `material`, `light`, `clip`, `labels` | the elements of a scene |
@@ -45,7 +45,7 @@ mod tests;
 mod walls;
 mod world;
 
-pub use body::Part;
+pub use body::Instance;
 pub use clip::{Clip, CutPlane};
 pub use fault::SceneError;
 pub(crate) use fault::{Key, Table};
@@ -53,10 +53,10 @@ pub(crate) use labels::parts as label_parts;
 pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};
-pub use paint::{Counts, Look, Painted, Seen, paint};
+pub use paint::{Counts, Painted, PictureSettings, Seen, paint};
 pub(crate) use paint::{Watch, paint_bytes, paint_parts};
 pub use place::Placement;
 pub use read::MAX_BYTES;
 pub(crate) use read::{flat, read};
 pub use section::Section;
-pub use spec::{Place, Scene, SceneCamera, SceneModel};
+pub use spec::{Scene, SceneCamera, SceneModel, StatedPlacement};

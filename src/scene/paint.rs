@@ -23,7 +23,7 @@ use crate::render::discrete::DiscreteRays;
 use crate::render::image::Image;
 use crate::render::normals::shading_normal::Line;
 use crate::render::picture::{Traversal, check_size, pool};
-use crate::render::pixel_rays::Sight;
+use crate::render::pixel_rays::PixelRays;
 use crate::render::shade::{Rig, Shader};
 use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
@@ -33,10 +33,10 @@ use crate::render::{Camera, RenderError, RenderFault, Samples, Shading, Smoothin
 use crate::text::names::{SURFACE, TRAVERSAL};
 
 use super::band::Band;
-use super::body::{Body, Met, Part, Purpose};
+use super::body::{Body, Instance, RayKind, SurfaceHit};
 use super::light::{Ambient, Light};
 use super::section::{self, Section};
-use super::shade::Stage;
+use super::shade::LightingContext;
 use super::world::World;
 
 /// Pixels traced and coloured together: bounds the memory for their hits to 4 MiB, or three rows of tiles.
@@ -58,7 +58,7 @@ const FILE_BYTES: u64 = 1 << 17;
 
 /// Settings of a picture.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub struct PictureSettings {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -175,7 +175,7 @@ fn at_most(max_band_pixels: Option<u32>) -> usize {
     max_band_pixels.map_or(BAND_PIXELS, |most| BAND_PIXELS.min(most as usize))
 }
 
-impl Look {
+impl PictureSettings {
     /// Pixels that are traced and coloured together; at least 8 rows.
     pub(super) fn band_pixels(&self) -> usize {
         at_most(self.max_band_pixels)
@@ -263,8 +263,8 @@ pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
 /// [`RenderError`] when the size is not possible or the threads do not start, and for discrete rays in a model of cells
 /// or one that is cut.
 pub fn paint(
-    parts: &[Part<'_>],
-    look: &Look,
+    parts: &[Instance<'_>],
+    look: &PictureSettings,
     rows_done: &(dyn Fn(u32) + Sync),
 ) -> Result<Painted, RenderError> {
     check_size(look.width, look.height)?;
@@ -287,8 +287,8 @@ pub fn paint(
 /// # Errors
 /// Errors of [`paint`] and of `take`.
 pub(crate) fn paint_parts(
-    parts: &[Part<'_>],
-    look: &Look,
+    parts: &[Instance<'_>],
+    look: &PictureSettings,
     watch: Watch<'_>,
     take: Taker<'_>,
 ) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
@@ -304,15 +304,15 @@ pub(crate) fn paint_parts(
 
 /// The lines of sight in the grid of a body.
 struct Eye<'a> {
-    sight: Sight<'a>,
+    sight: PixelRays<'a>,
     /// The lines through the [`PLACES`] times [`PLACES`] subpixels of each pixel.
-    places: Sight<'a>,
+    places: PixelRays<'a>,
     /// The rays of the discrete mode, if requested.
     discrete: Option<DiscreteRays<'a>>,
 }
 
 /// The first hits of a tile's rays: the number of the body, and the intersection.
-pub(super) type FirstHits = [Option<(usize, Met)>; RAYS];
+pub(super) type FirstHits = [Option<(usize, SurfaceHit)>; RAYS];
 
 /// A group of rays from the eye.
 #[derive(Clone, Copy)]
@@ -352,8 +352,8 @@ pub(super) fn rays_of(mut asked: u64) -> impl Iterator<Item = usize> {
 
 /// Read-only data of a picture's workers.
 pub(super) struct Painter<'a> {
-    pub(super) look: &'a Look,
-    pub(super) stage: Stage<'a>,
+    pub(super) look: &'a PictureSettings,
+    pub(super) stage: LightingContext<'a>,
     eyes: Vec<Eye<'a>>,
     /// Number of model files.
     pub(super) files: usize,
@@ -369,7 +369,11 @@ pub(super) struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    fn new(parts: &'a [Part<'a>], look: &'a Look, watch: Watch<'a>) -> Result<Self, RenderError> {
+    fn new(
+        parts: &'a [Instance<'a>],
+        look: &'a PictureSettings,
+        watch: Watch<'a>,
+    ) -> Result<Self, RenderError> {
         let world = World::of(parts, look.smoothing, &look.levels);
         let is_whole = |body: &Body<'_>| body.part.clip().is_empty() && !body.part.is_dimmed();
         let is_discrete = look.traversal == Traversal::Discrete;
@@ -382,8 +386,8 @@ impl<'a> Painter<'a> {
         let (width, height) = (look.width, look.height);
         let places = u32::from(PLACES.to_le_bytes()[0]);
         let eyes = parts.iter().map(|part| {
-            let sight = Sight::new(part.space(), &look.camera, width, height);
-            let places = Sight::new(part.space(), &look.camera, width * places, height * places);
+            let sight = PixelRays::new(part.space(), &look.camera, width, height);
+            let places = PixelRays::new(part.space(), &look.camera, width * places, height * places);
             let discrete = is_discrete.then(|| DiscreteRays::new(sight, width, height));
             Eye { sight, places, discrete }
         });
@@ -400,7 +404,7 @@ impl<'a> Painter<'a> {
             is_alone: look.near_mm == 0.0 && matches!(&*world.bodies, [body] if is_whole(body)),
             follows: look.shading.is_none() || world.bodies.iter().any(is_lit),
             watch,
-            stage: Stage {
+            stage: LightingContext {
                 world,
                 look,
                 rig: look.shading.map(|shading| Rig::new(shading, look.camera.axes())),
@@ -422,7 +426,7 @@ impl<'a> Painter<'a> {
     }
 
     /// Any of the bodies' sights, for directions.
-    pub(super) fn sight(&self) -> Option<&Sight<'a>> {
+    pub(super) fn sight(&self) -> Option<&PixelRays<'a>> {
         self.eyes.first().map(|eye| &eye.sight)
     }
 
@@ -433,7 +437,7 @@ impl<'a> Painter<'a> {
         for (number, (body, eye)) in self.stage.world.bodies.iter().zip(&self.eyes).enumerate() {
             let (tile, asked) = group.tile(body.level);
             let sight = if matches!(group, Group::Places(..)) { &eye.places } else { &eye.sight };
-            let mut take = |ray: usize, met: Met| {
+            let mut take = |ray: usize, met: SurfaceHit| {
                 if let Some(nearest) = nearest.get_mut(ray)
                     && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
                 {
@@ -443,7 +447,7 @@ impl<'a> Painter<'a> {
             if let Some(discrete) = &eye.discrete {
                 let mut each = |ray: usize, trace: Trace| {
                     steps[ray % RAYS] += trace.steps;
-                    trace.hit.into_iter().for_each(|hit| take(ray, Met::Surface(hit)));
+                    trace.hit.into_iter().for_each(|hit| take(ray, SurfaceHit::Surface(hit)));
                 };
                 match group {
                     Group::Pixels(..) => discrete.trace_tile(body.part.view(), tile, asked, each),
@@ -459,7 +463,7 @@ impl<'a> Painter<'a> {
                 for ray in rays_of(asked) {
                     let line = self.line(group, ray);
                     let near = self.look.near_mm / dot(line.1, line.1).sqrt();
-                    if let Some(met) = body.meet(Purpose::Sight, line, [near, f64::INFINITY], None) {
+                    if let Some(met) = body.meet(RayKind::PixelRays, line, [near, f64::INFINITY], None) {
                         take(ray, met);
                     }
                 }
@@ -473,7 +477,7 @@ impl<'a> Painter<'a> {
             for ray in rays_of(asked) {
                 steps[ray] += hits.steps(ray);
                 let Some(hit) = hits.hit(ray) else { continue };
-                take(ray, Met::Surface(hit));
+                take(ray, SurfaceHit::Surface(hit));
             }
         }
         let (_, asked) = group.tile(0);
@@ -529,7 +533,7 @@ impl<'a> Painter<'a> {
 
 /// The sizes that depth steps are compared with.
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
-fn step_size(world: &World<'_>, look: &Look) -> StepSize {
+fn step_size(world: &World<'_>, look: &PictureSettings) -> StepSize {
     let voxel_mm = world.bodies.iter().fold(0.0_f64, |most, body| {
         let [x, y, z] = body.part.space().spacing_mm();
         most.max((x + y + z) / 3.0 * f64::from(1_u32 << body.level.min(31)))

@@ -17,7 +17,7 @@ use super::labels::{LabelPick, LabelRule};
 use super::light::{Ambient, Light, LightKind};
 use super::material::{Coloring, Material, PRESETS};
 use super::place::Placement;
-use super::spec::{Place, Scene, SceneCamera, SceneModel};
+use super::spec::{Scene, SceneCamera, SceneModel, StatedPlacement};
 
 /// Longest text in bytes.
 pub const MAX_BYTES: u64 = 1 << 20;
@@ -307,7 +307,7 @@ pub(crate) fn flat(key: &Key) -> Fault {
     )
 }
 
-fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, Fault> {
+fn place(on: &Checked, keys: &ModelKeys) -> Result<StatedPlacement, Fault> {
     if let Some(rows) = keys.place {
         for (name, given) in [
             ("scale", keys.scale.is_some()),
@@ -320,7 +320,7 @@ fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, Fault> {
         }
         rows.iter().flatten().try_for_each(|v| on.number("place", *v, [-FAR, FAR]).map(|_| ()))?;
         let affine = Affine { rows };
-        return affine.inverse().map(|_| Place::Map(affine)).ok_or_else(|| flat(&on.key("place")));
+        return affine.inverse().map(|_| StatedPlacement::Map(affine)).ok_or_else(|| flat(&on.key("place")));
     }
     on.not_both("at", keys.at.is_some() && keys.moved.is_some(), "move")?;
     let scale = match keys.scale {
@@ -340,16 +340,16 @@ fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, Fault> {
         return Err(flat(&on.key("scale")));
     }
     match &keys.pivot {
-        None => Ok(Place::Middle { placement, moved }),
+        None => Ok(StatedPlacement::Middle { placement, moved }),
         Some(PivotKey::Named(name)) => match name.as_str() {
-            "middle" => Ok(Place::Middle { placement, moved }),
-            "origin" => Ok(Place::About(placement)),
+            "middle" => Ok(StatedPlacement::Middle { placement, moved }),
+            "origin" => Ok(StatedPlacement::About(placement)),
             _ => Err(on.unknown("pivot", name, ["middle", "origin"])),
         },
         Some(PivotKey::Point(pivot)) => {
             let pivot = on.point("pivot", *pivot)?;
             let at = if moved { add_scaled(pivot, 1.0, at) } else { at };
-            Ok(Place::About(Placement { pivot, at, ..placement }))
+            Ok(StatedPlacement::About(Placement { pivot, at, ..placement }))
         }
     }
 }

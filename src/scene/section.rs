@@ -15,8 +15,8 @@ use crate::render::normals::shading_normal::Line;
 use crate::render::shade::Shader;
 use crate::render::{NamedView, RenderError};
 
-use super::body::{Body, Part};
-use super::paint::{Counts, Look, Seen, Taker, Watch};
+use super::body::{Body, Instance};
+use super::paint::{Counts, PictureSettings, Seen, Taker, Watch};
 
 /// Samples along each side of a pixel, and half width of the cut line in samples.
 const SAMPLES: usize = 4;
@@ -46,7 +46,7 @@ impl Section {
 
 /// The lines of a picture in the plane.
 struct Plane<'a> {
-    look: &'a Look,
+    look: &'a PictureSettings,
     section: Section,
     bodies: Vec<Body<'a>>,
     /// Least coordinate of all cut bodies along the rows, in mm, with a margin; and their extent from there.
@@ -65,8 +65,8 @@ struct Plane<'a> {
 /// # Errors
 /// Errors of `take`.
 pub(super) fn slice(
-    parts: &[Part<'_>],
-    look: &Look,
+    parts: &[Instance<'_>],
+    look: &PictureSettings,
     section: Section,
     watch: Watch<'_>,
     take: Taker<'_>,

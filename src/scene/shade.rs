@@ -5,17 +5,17 @@
 
 use crate::geom::{add_scaled, dot};
 use crate::render::ambient::{Sky, tangents};
-use crate::render::normals::neighborhood::Surroundings;
+use crate::render::normals::neighborhood::Neighborhood;
 use crate::render::normals::shading_normal::Line;
 use crate::render::shade::{Rig, Shader};
 use crate::render::traverse::Hit;
 
-use super::body::{Met, Side, Start};
-use super::light::{Light, Way};
+use super::body::{Side, Start, SurfaceHit};
+use super::light::{Light, LightSample};
 use super::material::{Material, fresnel, power};
 use super::media::Media;
-use super::paint::{Counts, Look};
-use super::world::{From, Lot, World};
+use super::paint::{Counts, PictureSettings};
+use super::world::{From, RayBatch, World};
 
 /// Least share of a point's light for which a line is followed.
 const MIN_SHARE: f64 = 1.0 / 1024.0;
@@ -48,24 +48,24 @@ impl Branch {
 /// State of a worker, from one point to the next.
 pub(super) struct WorkerMemory {
     /// Surroundings by file.
-    pub(super) around: Vec<Surroundings>,
+    pub(super) around: Vec<Neighborhood>,
     waiting: Vec<Branch>,
-    lot: Lot,
+    lot: RayBatch,
     /// Counts of rays that did not come from the eye.
     pub(super) counts: Counts,
 }
 
 impl WorkerMemory {
     pub(super) fn new(files: usize) -> Self {
-        let around = (0..files).map(|_| Surroundings::new()).collect();
-        Self { around, waiting: Vec::new(), lot: Lot::default(), counts: Counts::default() }
+        let around = (0..files).map(|_| Neighborhood::new()).collect();
+        Self { around, waiting: Vec::new(), lot: RayBatch::default(), counts: Counts::default() }
     }
 }
 
 /// Bodies with their light.
-pub(super) struct Stage<'a> {
+pub(super) struct LightingContext<'a> {
     pub(super) world: World<'a>,
-    pub(super) look: &'a Look,
+    pub(super) look: &'a PictureSettings,
     /// The rig of lamps and sky; `None` for a scene's own lights.
     pub(super) rig: Option<Rig>,
     /// The lamps that shine on surfaces: the scene's, or the rig's for its highlights.
@@ -76,7 +76,7 @@ pub(super) struct Stage<'a> {
 }
 
 /// A point of a surface.
-pub(super) struct Spot<'a> {
+pub(super) struct ShadingPoint<'a> {
     number: usize,
     material: &'a Material,
     pub(super) color: [f64; 3],
@@ -93,31 +93,31 @@ pub(super) struct Spot<'a> {
     enters: bool,
     /// Part of the light that stops here.
     opacity: f64,
-    met: Met,
+    met: SurfaceHit,
 }
 
-impl Spot<'_> {
+impl ShadingPoint<'_> {
     /// A start of lines on the visible side, or on the other one.
     fn start(&self, beyond: bool) -> From {
         let start = match self.met {
-            Met::Surface(hit) => {
+            SurfaceHit::Surface(hit) => {
                 let side = if self.enters == beyond { Side::Inside } else { Side::Outside };
                 Start::Surface { hit, side }
             }
-            Met::Cut { plane, .. } => Start::Cut { plane },
+            SurfaceHit::Cut { plane, .. } => Start::Cut { plane },
         };
         Some((self.number, start))
     }
 }
 
-impl Stage<'_> {
+impl LightingContext<'_> {
     /// Linear RGB of a line from the eye that has met `first`, without the background straight ahead; and the opacity
     /// of that. `open` is the openness at the first point.
     pub(super) fn color(
         &self,
         kept: &mut WorkerMemory,
         first: Branch,
-        met: Option<(usize, Met)>,
+        met: Option<(usize, SurfaceHit)>,
         pixel: [usize; 2],
         open: f64,
     ) -> ([f64; 3], f64) {
@@ -151,7 +151,13 @@ impl Stage<'_> {
     }
 
     /// The point where a line meets a body.
-    pub(super) fn spot(&self, kept: &mut WorkerMemory, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
+    pub(super) fn spot(
+        &self,
+        kept: &mut WorkerMemory,
+        branch: &Branch,
+        number: usize,
+        met: SurfaceHit,
+    ) -> ShadingPoint<'_> {
         let body = &self.world.bodies[number];
         let (line, material) = (branch.line, body.part.material());
         let length = dot(line.1, line.1).sqrt();
@@ -159,11 +165,11 @@ impl Stage<'_> {
         let (seen, label) = body.pixel(line, &met);
         let color = body.color(&self.shader, seen, label, || line);
         let (shown, mut normal, enters) = match met {
-            Met::Cut { plane, .. } => {
+            SurfaceHit::Cut { plane, .. } => {
                 let normal = body.part.clip().planes()[plane].normal;
                 (normal, normal, true)
             }
-            Met::Surface(hit) => self.surface_normal(kept, branch, number, hit),
+            SurfaceHit::Surface(hit) => self.surface_normal(kept, branch, number, hit),
         };
         let away = dot(normal, sight);
         if away > BEYOND_RIM {
@@ -175,10 +181,10 @@ impl Stage<'_> {
         }
         let point = add_scaled(line.0, met.t(), line.1);
         let opacity = match met {
-            Met::Surface(hit) => body.part.opacity(line, &hit),
-            Met::Cut { .. } => 1.0,
+            SurfaceHit::Surface(hit) => body.part.opacity(line, &hit),
+            SurfaceHit::Cut { .. } => 1.0,
         };
-        Spot { number, material, color, label, point, sight, shown, normal, enters, opacity, met }
+        ShadingPoint { number, material, color, label, point, sight, shown, normal, enters, opacity, met }
     }
 
     /// The displayed normal, the same turned to the incoming side at a rim, and true if the line comes from outside.
@@ -209,9 +215,15 @@ impl Stage<'_> {
     }
 
     /// Adds mirrored and refracted lines.
-    fn follow(&self, kept: &mut WorkerMemory, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
+    fn follow(
+        &self,
+        kept: &mut WorkerMemory,
+        waiting: &mut Vec<Branch>,
+        branch: &Branch,
+        spot: &ShadingPoint<'_>,
+    ) {
         let (material, cosine) = (spot.material, (-dot(spot.normal, spot.sight)).max(0.0));
-        if let (true, Met::Surface(hit)) = (spot.opacity < 1.0, spot.met) {
+        if let (true, SurfaceHit::Surface(hit)) = (spot.opacity < 1.0, spot.met) {
             // Light that a label lets through goes straight on.
             let share = branch.share.map(|part| part * (1.0 - spot.opacity));
             if share[0] >= MIN_SHARE {
@@ -270,7 +282,7 @@ impl Stage<'_> {
 
     /// Ratio of the refractive index in front of a clear surface to the index behind it. A body within another borders
     /// on that body's index; a line that leaves the inner body stays in the outer one.
-    fn index_ratio(&self, media: Media, spot: &Spot<'_>) -> f64 {
+    fn index_ratio(&self, media: Media, spot: &ShadingPoint<'_>) -> f64 {
         let index = |body: Option<usize>| {
             body.and_then(|body| self.world.bodies.get(body)).map_or(1.0, |body| body.part.material().index)
         };
@@ -286,7 +298,7 @@ impl Stage<'_> {
     fn local(
         &self,
         kept: &mut WorkerMemory,
-        spot: &Spot<'_>,
+        spot: &ShadingPoint<'_>,
         pixel: [usize; 2],
         known: Option<f64>,
     ) -> [f64; 3] {
@@ -330,7 +342,13 @@ impl Stage<'_> {
     }
 
     /// Part of a lamp's light that arrives.
-    fn through(&self, kept: &mut WorkerMemory, lamp: &Light, way: Way, spot: &Spot<'_>) -> Option<[f64; 3]> {
+    fn through(
+        &self,
+        kept: &mut WorkerMemory,
+        lamp: &Light,
+        way: LightSample,
+        spot: &ShadingPoint<'_>,
+    ) -> Option<[f64; 3]> {
         if !lamp.shadows {
             return Some([1.0; 3]);
         }
@@ -339,7 +357,12 @@ impl Stage<'_> {
     }
 
     /// Openness of the surroundings, by rays into these directions of the sky above.
-    pub(super) fn openness(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, directions: &[[f64; 3]]) -> f64 {
+    pub(super) fn openness(
+        &self,
+        kept: &mut WorkerMemory,
+        spot: &ShadingPoint<'_>,
+        directions: &[[f64; 3]],
+    ) -> f64 {
         // Surfaces that let light through are not darkened.
         if spot.opacity < 1.0 {
             return 1.0;

@@ -46,7 +46,7 @@ impl Scene {
             file,
             material: Material::default(),
             coloring: Coloring::Own,
-            place: Place::About(placement),
+            place: StatedPlacement::About(placement),
             clip: Clip::default(),
             framed: true,
             labels: Vec::new(),
@@ -114,7 +114,7 @@ pub struct SceneModel {
     /// Source of its colour.
     pub coloring: Coloring,
     /// Its placement.
-    pub place: Place,
+    pub place: StatedPlacement,
     /// Cuts of this model and of all.
     pub clip: Clip,
     /// True if named views include it in the frame.
@@ -123,9 +123,9 @@ pub struct SceneModel {
     pub labels: Vec<LabelRule>,
 }
 
-/// Placement of a model.
+/// Placement of a model, as stated.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum StatedPlacement {
     /// A map of its millimetres.
     Map(Affine),
     /// A placement about a point of its own.
@@ -139,7 +139,7 @@ pub enum Place {
     },
 }
 
-impl Place {
+impl StatedPlacement {
     /// The map, for a model whose volume has this middle.
     pub fn affine(&self, middle: [f64; 3]) -> Affine {
         match *self {

@@ -11,7 +11,7 @@ use crate::render::ambient_filter::Patch;
 use crate::render::normals::shading_normal::Line;
 
 use super::band::WorkerState;
-use super::body::Met;
+use super::body::SurfaceHit;
 use super::paint::{Counts, Group, Painter};
 use super::shade::{Branch, WorkerMemory};
 
@@ -59,7 +59,7 @@ impl Painter<'_> {
         &self,
         memory: &mut WorkerMemory,
         line: Line,
-        (number, met): (usize, Met),
+        (number, met): (usize, SurfaceHit),
         pixel: [usize; 2],
         open: f64,
     ) -> ([f64; 3], f64) {
@@ -68,7 +68,7 @@ impl Painter<'_> {
             return stage.color(memory, branch, Some((number, met)), pixel, open);
         };
         let (color, normal) = match (met, &*stage.world.bodies, memory.around.first_mut()) {
-            (Met::Surface(hit), [body], Some(around)) if self.is_alone => {
+            (SurfaceHit::Surface(hit), [body], Some(around)) if self.is_alone => {
                 let seen = body.normals.seen(&hit, || line);
                 (body.color(&stage.shader, seen, 0, || line), body.normals.normal(around, seen, || line))
             }

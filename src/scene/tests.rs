@@ -2,7 +2,7 @@
 
 use tempfile::TempDir;
 
-use super::body::{Body, Met, Purpose, Side, Start};
+use super::body::{Body, RayKind, Side, Start, SurfaceHit};
 use super::world::World;
 use super::*;
 use crate::builder::LabelChoice;
@@ -47,9 +47,9 @@ fn ball(radius: f64, spacing: f64, surface: SurfaceKind) -> Model {
     Model::open(&path).unwrap()
 }
 
-fn part<'a>(model: &Model, view: &'a ModelView<'a>, placement: &Affine) -> Part<'a> {
+fn part<'a>(model: &Model, view: &'a ModelView<'a>, placement: &Affine) -> Instance<'a> {
     let material = Material::default();
-    Part::new((view, 0), model.dims(), &model.affine(), placement, material, Clip::default()).unwrap()
+    Instance::new((view, 0), model.dims(), &model.affine(), placement, material, Clip::default()).unwrap()
 }
 
 fn unit(random: &mut Random) -> [f64; 3] {
@@ -86,7 +86,8 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                 let from = add_scaled(middle, 200.0, outward);
                 let aim = add_scaled(middle, 0.9 * 24.0 * 0.7, unit(&mut random));
                 let sight = add_scaled(aim, -1.0, from);
-                let Some(Met::Surface(hit)) = body.meet(Purpose::Sight, (from, sight), ALL, None) else {
+                let Some(SurfaceHit::Surface(hit)) = body.meet(RayKind::PixelRays, (from, sight), ALL, None)
+                else {
                     panic!("missed")
                 };
                 let point = add_scaled(from, hit.t, sight);
@@ -101,7 +102,7 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                     let out = dot(direction, outward) > 0.0;
                     let side = if out { Side::Outside } else { Side::Inside };
                     let met = body.meet(
-                        Purpose::Sight,
+                        RayKind::PixelRays,
                         (point, direction),
                         ALL,
                         Some(&Start::Surface { hit, side }),
@@ -115,7 +116,7 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                     let length = dot(way, way).sqrt();
                     let chord = -2.0 * dot(own, way) / length;
                     if chord > 16.0 {
-                        let Some(Met::Surface(exit)) = met else {
+                        let Some(SurfaceHit::Surface(exit)) = met else {
                             panic!("{surface:?} {hit:?} {direction:?}")
                         };
                         let out = add_scaled(own, exit.t, way);
@@ -151,13 +152,13 @@ fn details_right_next_to_the_start_of_a_line_stop_it() {
         let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
         for x in [11.1, 11.9, 12.4] {
             let down = ([x, 30.0, 20.0], [0.0, 0.0, -1.0]);
-            let Some(Met::Surface(hit)) = body.meet(Purpose::Sight, down, ALL, None) else {
+            let Some(SurfaceHit::Surface(hit)) = body.meet(RayKind::PixelRays, down, ALL, None) else {
                 panic!("missed")
             };
             let point = add_scaled(down.0, hit.t, down.1);
             let start = Start::Surface { hit, side: Side::Outside };
             let met = |direction| {
-                body.meet(Purpose::Sight, (point, direction), ALL, Some(&start)).map(|met| met.t())
+                body.meet(RayKind::PixelRays, (point, direction), ALL, Some(&start)).map(|met| met.t())
             };
             let along = met([1.0, 0.3, 0.1]);
             assert!(along.is_some_and(|t| t < 3.5), "{surface:?} {x}: {along:?}");
@@ -344,12 +345,12 @@ fn walls_darken_what_they_surround_and_a_plate_alone_stays() {
         let is_skin = |[x, y, z]: &[u32; 3]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z));
         let tree = MemoryTree::of_cells(dims, all.filter(is_skin));
         let view = tree.view();
-        let part = Part::alone(&view, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let part = Instance::alone(&view, dims, &Affine::from_spacing([1.0; 3])).unwrap();
         let top = ViewPoint::Named(NamedView::Top);
         let camera =
             Camera::new(top, Projection::Parallel, 35.0, 1.0, |direction| part.support(direction)).unwrap();
         let shading = Some(if rays > 0 { Shading::Ao } else { Shading::Plain });
-        let look = Look {
+        let look = PictureSettings {
             width: 48,
             height: 48,
             camera,

@@ -8,7 +8,7 @@ use crate::render::normals::shading_normal::Line;
 use crate::render::ray::Ray;
 use crate::render::traverse::Hit;
 
-use super::body::{Body, Met, Part, Purpose, Side, Start, Way};
+use super::body::{Body, BodyRay, Instance, RayKind, Side, Start, SurfaceHit};
 
 /// Most surfaces of clear bodies that a line to a light passes.
 const MAX_SURFACES: u32 = 64;
@@ -23,10 +23,10 @@ fn start_on(from: &From, body: usize) -> Option<&Start> {
 
 /// Lines from one point, and the buffers of a worker to trace them together.
 #[derive(Default)]
-pub(super) struct Lot {
+pub(super) struct RayBatch {
     pub(super) lines: Vec<Line>,
     /// The way of each line, and t at the start of its ray; `None` for a line that misses the body.
-    ways: Vec<Option<(Way, f64)>>,
+    ways: Vec<Option<(BodyRay, f64)>>,
     rays: Vec<Ray>,
     hits: Vec<Option<Hit>>,
     batch: Batch,
@@ -40,7 +40,7 @@ pub(super) struct World<'a> {
 
 impl<'a> World<'a> {
     /// A world with the displayed normals and the level of each part; missing levels are 0.
-    pub(super) fn of(parts: &'a [Part<'a>], smoothing: Smoothing, levels: &[u32]) -> Self {
+    pub(super) fn of(parts: &'a [Instance<'a>], smoothing: Smoothing, levels: &[u32]) -> Self {
         let levels = levels.iter().copied().chain(std::iter::repeat(0));
         let body = |(part, level)| Body::of(part, Form::best(), smoothing, level);
         Self { bodies: parts.iter().zip(levels).map(body).collect() }
@@ -48,11 +48,11 @@ impl<'a> World<'a> {
 
     /// The first intersection of a line with a body between two values of t, and the body's number: the lowest number
     /// at equal t.
-    pub(super) fn nearest(&self, line: Line, limits: [f64; 2], from: &From) -> Option<(usize, Met)> {
-        let mut nearest: Option<(usize, Met)> = None;
+    pub(super) fn nearest(&self, line: Line, limits: [f64; 2], from: &From) -> Option<(usize, SurfaceHit)> {
+        let mut nearest: Option<(usize, SurfaceHit)> = None;
         for (number, body) in self.bodies.iter().enumerate() {
             let most = nearest.as_ref().map_or(limits[1], |(_, met)| met.t());
-            if let Some(met) = body.meet(Purpose::Sight, line, [limits[0], most], start_on(from, number))
+            if let Some(met) = body.meet(RayKind::PixelRays, line, [limits[0], most], start_on(from, number))
                 && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
             {
                 nearest = Some((number, met));
@@ -64,11 +64,11 @@ impl<'a> World<'a> {
     /// True if a line is stopped by a body that is not clear.
     pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
         let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear());
-        solids.any(|(number, body)| body.meet(Purpose::Light, line, limits, start_on(from, number)).is_some())
+        solids.any(|(number, body)| body.meet(RayKind::Light, line, limits, start_on(from, number)).is_some())
     }
 
     /// Number of `lot.lines` that are stopped, by [`World::is_stopped`].
-    pub(super) fn count_stopped(&self, lot: &mut Lot, limits: [f64; 2], from: &From) -> usize {
+    pub(super) fn count_stopped(&self, lot: &mut RayBatch, limits: [f64; 2], from: &From) -> usize {
         let all = lot.lines.len();
         for (number, body) in self.bodies.iter().enumerate() {
             if body.part.material().is_clear() {
@@ -115,15 +115,15 @@ impl<'a> World<'a> {
             let mut start = start_on(from, number).copied();
             let mut least = limits[0];
             for _ in 0..MAX_SURFACES {
-                let Some(met) = body.meet(Purpose::Light, line, [least, limits[1]], start.as_ref()) else {
+                let Some(met) = body.meet(RayKind::Light, line, [least, limits[1]], start.as_ref()) else {
                     break;
                 };
                 least = met.t();
                 let enters = match met {
-                    Met::Surface(hit) => {
+                    SurfaceHit::Surface(hit) => {
                         body.outward(line, hit).is_none_or(|outward| dot(outward, line.1) < 0.0)
                     }
-                    Met::Cut { .. } => true,
+                    SurfaceHit::Cut { .. } => true,
                 };
                 if enters {
                     let part = (1.0 - material.mirror) * material.clear;
@@ -131,8 +131,8 @@ impl<'a> World<'a> {
                 }
                 let side = if enters { Side::Inside } else { Side::Outside };
                 start = Some(match met {
-                    Met::Surface(hit) => Start::Surface { hit, side },
-                    Met::Cut { plane, .. } => Start::Cut { plane },
+                    SurfaceHit::Surface(hit) => Start::Surface { hit, side },
+                    SurfaceHit::Cut { plane, .. } => Start::Cut { plane },
                 });
             }
         }

@@ -6,11 +6,11 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
-//! | `headed` | MRC, VGStudio, VTK, Amira: a header before raw samples |
+//! | `raw_with_header` | MRC, VGStudio, VTK, Amira: a header before raw samples |
 //! | `zarr` | arrays in chunks |
 //! | `formats`, `known` | lists of the formats that are read, and of those that are known but not read |
 //! | `options`, `subject`, `finding` | choices of a caller, things to build, and results of a search |
-//! | `stored`, `axis_reversal` | samples read where they lie, or unrolled first |
+//! | `payload`, `axis_reversal` | samples read where they lie, or unrolled first |
 //! | `files`, `header`, `natural`, `numbered`, `stable_hash` | parts that several of them share |
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `color` | colours |
 //! | `encoding` | byte order marks of text files |
-//! | `foreign` | text from outside, in the one way in which it is printed |
+//! | `sanitize` | text from outside, in the one way in which it is printed |
 //! | `names` | names of options and jobs, as the caller knows them |
 //! | `nearest` | the name that a mistyped word was meant to be |
 //! | `number` | numbers with their significant digits |

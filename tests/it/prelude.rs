@@ -52,7 +52,7 @@ pub(crate) use infobyte::load::{Frame, ModelView, NodeView, verify};
 pub(crate) use infobyte::mesh::{GridChoice, MeshOptions};
 pub(crate) use infobyte::progress::Silent;
 pub(crate) use infobyte::render::cells::Cells;
-pub(crate) use infobyte::render::pixel_rays::Sight;
+pub(crate) use infobyte::render::pixel_rays::PixelRays;
 pub(crate) use infobyte::render::ray::{BadRay, Ray};
 pub(crate) use infobyte::render::reference::BitVolume;
 pub(crate) use infobyte::render::selfcheck::{Mismatches, random_ray};

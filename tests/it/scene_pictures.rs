@@ -7,7 +7,7 @@ use crate::prelude::*;
 use infobyte::Image;
 use infobyte::render::picture::Traversal;
 use infobyte::scene::{
-    Ambient, Clip, CutPlane, Light, LightKind, Look, Material, Painted, Part, Placement, paint,
+    Ambient, Clip, CutPlane, Instance, Light, LightKind, Material, Painted, PictureSettings, Placement, paint,
 };
 
 fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
@@ -52,8 +52,8 @@ fn part<'a>(
     (view, file): (&'a ModelView<'a>, usize),
     placement: Affine,
     material: Material,
-) -> Part<'a> {
-    Part::new((view, file), model.dims(), &model.affine(), &placement, material, Clip::default()).unwrap()
+) -> Instance<'a> {
+    Instance::new((view, file), model.dims(), &model.affine(), &placement, material, Clip::default()).unwrap()
 }
 
 fn moved(scale: [f64; 3], at: [f64; 3]) -> Affine {
@@ -65,9 +65,9 @@ fn plain(color: [f64; 3]) -> Material {
     Material { color, ..Material::default() }
 }
 
-fn look(eye: [f64; 3], look_at: [f64; 3], projection: Projection, fov: f64, side: u32) -> Look {
+fn look(eye: [f64; 3], look_at: [f64; 3], projection: Projection, fov: f64, side: u32) -> PictureSettings {
     let point = ViewPoint::Free { eye, look_at, up: None };
-    Look {
+    PictureSettings {
         width: side,
         height: side,
         camera: Camera::new(point, projection, fov, 1.0, |_| 0.0).unwrap(),
@@ -98,7 +98,7 @@ fn pixel(image: &Image, [x, y]: [u32; 2]) -> [u8; 3] {
 }
 
 /// The line of sight through a pixel.
-fn line(look: &Look, [x, y]: [u32; 2]) -> ([f64; 3], [f64; 3]) {
+fn line(look: &PictureSettings, [x, y]: [u32; 2]) -> ([f64; 3], [f64; 3]) {
     let at = |c: u32, side: u32| (2.0 * f64::from(c) + 1.0) / f64::from(side) - 1.0;
     let (origin, direction) = look.camera.ray(at(x, look.width), -at(y, look.height));
     let length = dot(direction, direction).sqrt();
@@ -183,7 +183,7 @@ fn normals_at_silhouettes_are_not_negated() {
 /// The x of the wall that a pixel sees through balls about the origin, and how far behind them the wall is. A step has
 /// a radius and the indices before and behind the surface; nothing near a rim or where all is thrown back.
 fn seen_through(
-    look: &Look,
+    look: &PictureSettings,
     at: [u32; 2],
     steps: &[(f64, f64, f64)],
     is_clear: impl Fn(usize, f64, f64) -> bool,
@@ -413,7 +413,7 @@ fn cuts_are_closed_where_matter_is() {
     let cap = Some([0.0, 1.0, 0.0]);
     let clip = Clip::new(vec![CutPlane { normal: [0.0, -1.0, 0.0], limit: 3.0, cap }]);
     let red = plain([1.0, 0.0, 0.0]);
-    let part = Part::new((&view, 0), shell.dims(), &shell.affine(), &STAY, red, clip).unwrap();
+    let part = Instance::new((&view, 0), shell.dims(), &shell.affine(), &STAY, red, clip).unwrap();
     let look = look([0.0, -100.0, 0.0], [0.0, 0.0, 0.0], Projection::Parallel, 35.0, 128);
     let half_mm = 100.0 * (17.5_f64).to_radians().tan();
     let Painted { image, .. } = paint(&[part], &look, &|_| {}).unwrap();
@@ -450,7 +450,7 @@ fn the_eye_may_be_within_and_near_things_are_left_out() {
     assert_eq!(paint(&parts, &inside, &|_| {}).unwrap().counts.hits, 0);
     let mut before = look([0.0, -60.0, 0.0], [0.0, 0.0, 0.0], Projection::Perspective, 20.0, 64);
     before.depth_range_mm = Some((0.0, 100.0));
-    let depth = |look: &Look| {
+    let depth = |look: &PictureSettings| {
         let Painted { image, .. } = paint(&parts, look, &|_| {}).unwrap();
         f64::from(image.depth.unwrap()[32 * 64 + 32] - 1) / 65534.0 * 100.0
     };

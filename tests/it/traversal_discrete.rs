@@ -292,7 +292,7 @@ fn rows_by_increments_are_the_rays_of_their_pixels() {
     ];
     for eye in eyes {
         let camera = camera(ViewPoint::Free { eye, look_at: [32.3, 31.9, 32.7], up: None });
-        let sight = Sight::new(&space, &camera, width, height);
+        let sight = PixelRays::new(&space, &camera, width, height);
         let frame =
             ParallelFrame::new(&sight, width, height).expect("a parallel projection of something near");
         frames += 1;
@@ -317,10 +317,10 @@ fn rows_by_increments_are_the_rays_of_their_pixels() {
     assert!(frames == 5 && pixels > 500 && other * 1000 < pixels, "{other} of {pixels}");
     for view in NamedView::ALL {
         let camera = camera(ViewPoint::Named(view));
-        assert!(ParallelFrame::new(&Sight::new(&space, &camera, 512, 2), 512, 2).is_some(), "{view:?}");
+        assert!(ParallelFrame::new(&PixelRays::new(&space, &camera, 512, 2), 512, 2).is_some(), "{view:?}");
     }
     let camera =
         Camera::new(ViewPoint::Named(NamedView::Front), Projection::Perspective, 35.0, 1.0, |_| 32.0)
             .unwrap();
-    assert!(ParallelFrame::new(&Sight::new(&space, &camera, 8, 8), 8, 8).is_none());
+    assert!(ParallelFrame::new(&PixelRays::new(&space, &camera, 8, 8), 8, 8).is_none());
 }

@@ -32,7 +32,7 @@ fn compare_picture(
     lod_edge_log2: u32,
 ) {
     let (view, space) = (tree.view(), unit_space(dims));
-    let sight = Sight::new(&space, camera, size, size);
+    let sight = PixelRays::new(&space, camera, size, size);
     let size = size as usize;
     for tile in 0..size.div_ceil(TILE).pow(2) {
         let across = size.div_ceil(TILE);
@@ -201,7 +201,7 @@ fn a_surface_within_the_boxes_is_asked_about_each_box_in_turn() {
             for eye in [[-9.0, -12.0, 30.0], [8.25, 8.0, 7.5]] {
                 let along = std::array::from_fn(|a| 8.5 - eye[a]);
                 let camera = camera(eye, along, Projection::Perspective, 60.0).unwrap();
-                let sight = Sight::new(&space, &camera, 64, 64);
+                let sight = PixelRays::new(&space, &camera, 64, 64);
                 let mut tracer = Tracer::new(form);
                 for tile in 0..64 {
                     let corner = (tile % 8 * TILE, tile / 8 * TILE);
@@ -229,7 +229,7 @@ fn damaged_trees_neither_panic_nor_hold_a_tile() {
         let view = garbage.view(16);
         for projection in [Projection::Parallel, Projection::Perspective] {
             let camera = camera([-7e4, -5e4, 9e4], [1.0, 0.9, -0.8], projection, 60.0).unwrap();
-            let sight = Sight::new(&space, &camera, 16, 16);
+            let sight = PixelRays::new(&space, &camera, 16, 16);
             for form in Form::available() {
                 for lod_edge_log2 in [0, 5] {
                     let tile = Tile { corner: (0, 8), limits: (8, 8), lod_edge_log2 };

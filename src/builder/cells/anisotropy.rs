@@ -44,7 +44,7 @@ const BOUND_WITHIN: f32 = 0.8;
 
 /// Ratios of the spacings along the axes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
+pub(super) struct Anisotropy {
     /// Squares of the finest spacing divided by each axis's.
     squares: [f32; 3],
     /// True for cells far from cubes.
@@ -53,7 +53,7 @@ pub(super) struct Stretch {
     within: f32,
 }
 
-impl Stretch {
+impl Anisotropy {
     /// The stretch for spacings in mm; `bound` is the bound of larger leaves in voxels of the finest spacing, 0 without
     /// them.
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
@@ -94,7 +94,7 @@ impl Fit {
     /// them.
     #[inline(always)]
     #[expect(clippy::cast_precision_loss, reason = "small integers")]
-    pub(super) fn strays(&self, stretch: &Stretch) -> bool {
+    pub(super) fn strays(&self, stretch: &Anisotropy) -> bool {
         let whole = normal::decode_l1(self.code);
         let n = whole.map(|c| c as f32);
         let square = stretch.square(n);
@@ -122,7 +122,7 @@ impl Fit {
 
     /// True if it is too far at a point, in voxels from the middle of the cell.
     #[inline(always)]
-    fn strays_at(&self, at: [f32; 3], n: [f32; 3], square: f32, stretch: &Stretch) -> bool {
+    fn strays_at(&self, at: [f32; 3], n: [f32; 3], square: f32, stretch: &Anisotropy) -> bool {
         let d = &self.depth;
         let part = |low: f32, high: f32, at: f32| low * (0.5 - at) + high * (0.5 + at);
         let [x, y, z] = at;

@@ -1,6 +1,6 @@
 //! Planes of cells in batches, without branches so that the loops over a batch vectorise.
 
-use super::anisotropy::{Fit, Stretch};
+use super::anisotropy::{Anisotropy, Fit};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
 use super::sharp_features::{Sharp, SharpCell, directions, near};
@@ -177,7 +177,7 @@ impl Batch {
 
     /// Fits all cells of the batch; [`Batch::outcome`] gives the results. With a single value inside, only the smooth
     /// gradient is tried.
-    pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
+    pub(super) fn fit(&mut self, is_label: bool, stretch: &Anisotropy) {
         dispatch(FitKernel(self));
         self.is_label = is_label;
         if is_label {
@@ -318,7 +318,7 @@ fn is_same_surface(gradient: [f32; 3], unit: [f32; 3], code: u16) -> bool {
 
 struct StrayKernel<'a> {
     batch: &'a mut Batch,
-    stretch: &'a Stretch,
+    stretch: &'a Anisotropy,
 }
 
 impl Kernel for StrayKernel<'_> {

@@ -7,9 +7,9 @@
 //!
 //! Most cells are fitted in batches without a branch ([`fit`]): the normal is the smooth gradient, the plane goes
 //! through the mean of the crossings, and is moved outwards where an inside corner would lie in front of it. For cells
-//! that such a plane does not describe, as at sharp edges and in noise, two more normals are tried ([`sharp`]). Cells
-//! far longer than wide keep their corners where planes do not follow the surface ([`stretch`]). Thin walls, label
-//! maps, and cells at the border of the volume are fitted one by one ([`mod@pick`]).
+//! that such a plane does not describe, as at sharp edges and in noise, two more normals are tried ([`sharp_features`]). Cells
+//! far longer than wide keep their corners where planes do not follow the surface ([`anisotropy`]). Thin walls, label
+//! maps, and cells at the border of the volume are fitted one by one ([`single_fit`]).
 //!
 //! Solids that know the crossings of their surface with edges, such as meshes and trees, describe their cells by them
 //! ([`edges`]).
@@ -39,7 +39,7 @@ use std::sync::{Mutex, PoisonError};
 use super::item::ItemForm;
 use super::lanes::RingSample;
 use super::noise::{self, NoiseCounts};
-use super::ring::RingForm;
+use super::ring::SampleForm;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
     BRICK, EdgeCrossing, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
@@ -50,7 +50,7 @@ use crate::format::{Channel, Channels, Metadata, Noise, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::{Scalar, ScalarType, SourceError, VolumeInfo};
 
-use anisotropy::Stretch;
+use anisotropy::Anisotropy;
 use corner::{EDGES, signed_depth};
 pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
@@ -151,7 +151,7 @@ impl Solid for CellSolid<'_> {
             slices: Slices::<R>::new(*source, &**range, AROUND_CELL, tile),
             level: form.level(self.volume.bound()),
             is_label: form.is_label(),
-            stretch: Stretch::new(source.info().spacing_mm, self.bound),
+            stretch: Anisotropy::new(source.info().spacing_mm, self.bound),
             batch: Batch::new(),
             items: CellItems::new(),
             spacing_mm: source.info().spacing_mm.map(|mm| mm as f32),
@@ -168,7 +168,7 @@ struct CellWorker<'a, R> {
     level: f32,
     /// True if a single value is inside, as in a map of labels.
     is_label: bool,
-    stretch: Stretch,
+    stretch: Anisotropy,
     batch: Box<Batch>,
     items: CellItems,
     spacing_mm: [f32; 3],
@@ -234,7 +234,7 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
                 let row = &plane[y * f.stride..];
                 for (i, (x, is_sample)) in xs.into_iter().enumerate() {
                     let exists = is_slice && is_row && is_sample;
-                    let depth = RingForm::depth_from(row[x], self.level);
+                    let depth = SampleForm::depth_from(row[x], self.level);
                     let inside = exists && form.is_inside(row[x]);
                     let depth = if exists { depth } else { -depth.abs() - form.unit };
                     field.set([i, j, k], depth, inside);
@@ -291,7 +291,7 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
                         let mut next = first;
                         next[axis] += 1;
                         let [first, next, second] =
-                            [first, next, second].map(|p| RingForm::depth_from(sample(p), 0.0));
+                            [first, next, second].map(|p| SampleForm::depth_from(sample(p), 0.0));
                         counts.add(inside, axis, false, next - first);
                         counts.add(inside, axis, true, second - first);
                     }

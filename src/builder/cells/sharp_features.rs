@@ -3,7 +3,7 @@
 //! Two more normals are tried, each by the plane that fits the crossings best near a direction: the gradient of the
 //! trilinear interpolation at their mean and, where that does not do, the direction from the inside corners to the
 //! outside ones. The plane nearest to the crossings is taken, including the smooth one. Cells whose best plane still
-//! covers an outside corner are left to [`super::pick`], as are cells that no plane separates. Finally all planes are
+//! covers an outside corner are left to [`super::single_fit`], as are cells that no plane separates. Finally all planes are
 //! turned towards the gradient by one rule ([`super::fit`]).
 
 use super::corner::{TOWARDS_GUESS, for_each_edge, on_edge};

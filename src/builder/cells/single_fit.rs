@@ -4,9 +4,9 @@
 //! gradient of the trilinear interpolation at their mean, and near the direction from the inside corners to the outside
 //! ones. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than
 //! [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which the surface
-//! strays from the plane ([`super::stretch`]).
+//! strays from the plane ([`super::anisotropy`]).
 
-use super::anisotropy::{Fit, Stretch};
+use super::anisotropy::{Anisotropy, Fit};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
 use super::label;
@@ -44,7 +44,7 @@ pub(super) struct Cell {
     pub(super) near: f32,
     /// True if a single value is inside, as in a map of labels.
     pub(super) is_label: bool,
-    pub(super) stretch: Stretch,
+    pub(super) stretch: Anisotropy,
 }
 
 /// Describes a cell; `field` is called where there may be only two values around it.
@@ -446,7 +446,7 @@ mod tests {
                 gradient: [0.0; 3],
                 near: 0.15,
                 is_label: false,
-                stretch: Stretch::new([1.0; 3], 0.0),
+                stretch: Anisotropy::new([1.0; 3], 0.0),
             };
             let CellShape::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
             let plane = Plane::new(code, offset);
@@ -482,7 +482,7 @@ mod tests {
                     gradient,
                     near: 0.15,
                     is_label: false,
-                    stretch: Stretch::new([1.0; 3], 0.0),
+                    stretch: Anisotropy::new([1.0; 3], 0.0),
                 };
                 match pick(&cell, || Field::EMPTY) {
                     CellShape::Plane(code, offset) => {

@@ -22,7 +22,7 @@ use super::bits::BitVolume;
 use super::error::BuildError;
 use crate::geom::{Affine, Dims};
 use crate::progress::Progress;
-use sweep::{Pass, Way};
+use sweep::{Pass, SweepDirection};
 
 /// Viewpoint of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,10 +51,10 @@ const NOTHING: f64 = 1.0 / 4_294_967_296.0;
 /// The ways of all rays from these viewpoints, through a grid of boxes of this size.
 ///
 /// `boxes_from_world` maps a world position to a fractional box position: box i is `i .. i + 1`.
-fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> {
+fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<SweepDirection> {
     let sides = dims.to_array();
     let mut all = Vec::new();
-    let mut add = |way: Way| {
+    let mut add = |way: SweepDirection| {
         if way.meets(sides) && !all.contains(&way) {
             all.push(way);
         }
@@ -63,14 +63,16 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
     for place in from {
         match place {
             ViewedFrom::Outside => {
-                corners().for_each(|back| add(Way { moves: [true; 3], back, eye: None, within: false }));
+                corners().for_each(|back| {
+                    add(SweepDirection { moves: [true; 3], back, eye: None, within: false })
+                });
             }
             ViewedFrom::Along(direction) => {
                 let along = boxes_from_world.apply_vector(*direction);
                 let largest = along.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
                 let moves = along.map(|c| c.abs() > NOTHING * largest);
                 let back = [0, 1, 2].map(|a| moves[a] && along[a] < 0.0);
-                add(Way { moves, back, eye: None, within: false });
+                add(SweepDirection { moves, back, eye: None, within: false });
             }
             ViewedFrom::Point(point) => {
                 // Far positions outside are clamped.
@@ -81,7 +83,8 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
                     at
                 });
                 let within = (0..3).all(|a| (0..i64::from(sides[a])).contains(&eye[a]));
-                corners().for_each(|back| add(Way { moves: [true; 3], back, eye: Some(eye), within }));
+                corners()
+                    .for_each(|back| add(SweepDirection { moves: [true; 3], back, eye: Some(eye), within }));
             }
         }
     }
@@ -91,7 +94,7 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
 pub(super) struct Search<'a> {
     pub(super) occupancy: &'a BitVolume,
     pub(super) is_cells: bool,
-    ways: Vec<Way>,
+    ways: Vec<SweepDirection>,
 }
 
 impl<'a> Search<'a> {
@@ -111,7 +114,7 @@ impl<'a> Search<'a> {
     }
 
     /// The ways up the slices, or down; ways of a group can be followed at the same time.
-    fn group(&self, back: bool) -> impl Iterator<Item = Way> {
+    fn group(&self, back: bool) -> impl Iterator<Item = SweepDirection> {
         self.ways.iter().copied().filter(move |way| way.back[2] == back)
     }
 
@@ -123,7 +126,7 @@ impl<'a> Search<'a> {
     }
 
     /// True if the eye of a way lies in the solid; its rays then meet the surface from within.
-    fn is_in_solid(&self, way: &Way) -> Result<bool, BuildError> {
+    fn is_in_solid(&self, way: &SweepDirection) -> Result<bool, BuildError> {
         let Some(eye) = way.eye.filter(|_| way.within) else { return Ok(false) };
         let dims = self.occupancy.dims().to_array();
         // Cell i lies between samples i - 1 and i.
@@ -151,7 +154,7 @@ impl<'a> Search<'a> {
         seen: &BitVolume,
         progress: &dyn Progress,
     ) -> Result<(), BuildError> {
-        let ways: Vec<Way> = self.group(back).collect();
+        let ways: Vec<SweepDirection> = self.group(back).collect();
         let dims = self.occupancy.dims();
         let Some(slots) = u32::try_from(ways.len()).ok().and_then(|n| Dims::new(dims.nx(), dims.ny(), n))
         else {

@@ -12,7 +12,7 @@ const BLOCK_BYTES: usize = 16 << 10;
 
 /// Rays of one direction along each axis, and their possible positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Way {
+pub(super) struct SweepDirection {
     /// True for the axes along which the rays move.
     pub(super) moves: [bool; 3],
     /// True for the axes along which the rays go down.
@@ -23,7 +23,7 @@ pub(super) struct Way {
     pub(super) within: bool,
 }
 
-impl Way {
+impl SweepDirection {
     /// True if the rays can be at this position of an axis. Positions are rounded; one more counts as on the far side.
     pub(super) fn reaches(&self, axis: usize, at: i64) -> bool {
         self.eye.is_none_or(|eye| if self.back[axis] { at <= eye[axis] + 1 } else { at >= eye[axis] - 1 })
@@ -64,7 +64,7 @@ impl Way {
 
 /// State of one pass. Memory: [`Pass::bytes`].
 pub(super) struct Pass<'a> {
-    way: Way,
+    way: SweepDirection,
     occupancy: &'a BitVolume,
     is_cells: bool,
     /// Lit boxes of the previous slice, in the direction of the rays, stored as slice `slot`.
@@ -102,7 +102,7 @@ impl<'a> Pass<'a> {
     }
 
     pub(super) fn new(
-        way: Way,
+        way: SweepDirection,
         occupancy: &'a BitVolume,
         is_cells: bool,
         (slices, slot): (&'a BitVolume, u32),

@@ -37,7 +37,7 @@ impl Slow {
     }
 
     /// Boxes that rays of a way enter.
-    fn entered(&self, way: &Way) -> BTreeSet<[i64; 3]> {
+    fn entered(&self, way: &SweepDirection) -> BTreeSet<[i64; 3]> {
         let signs = [0, 1, 2].map(|a| if way.back[a] { -1 } else { 1 });
         let reached = |p: [i64; 3]| (0..3).all(|a| way.reaches(a, p[a]));
         let order = |a: usize| -> Vec<i64> {

@@ -11,7 +11,7 @@ use crate::csg::tree::Faces;
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
-    Census, Closed, Crossings, Facet, Nearest, Rule, STEPS, Triangle, cross_slice, smallest_first, span,
+    Closed, Crossings, EdgeParity, Facet, Nearest, Rule, STEPS, Triangle, cross_slice, smallest_first, span,
 };
 
 /// Squared distance from a voxel within which its nearest triangle is sought: two voxels.
@@ -33,7 +33,7 @@ pub(in crate::csg) struct Body {
 ///
 /// # Errors
 /// The surface is open.
-fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, Fault> {
+fn closed(census: &EdgeParity, odd: bool, line: u64) -> Result<Rule, Fault> {
     match census.closed() {
         Closed::No => Err(bad!(
             "{}the faces of the polyhedron leave holes; close it, or write it as a mesh and import that",
@@ -72,7 +72,7 @@ impl Body {
             }
             placed.push(narrow);
         }
-        let mut census = Census::default();
+        let mut census = EdgeParity::default();
         let mut triangles = Vec::with_capacity(faces.triangles.len());
         for [a, b, c] in &faces.triangles {
             let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(bad_size(line));

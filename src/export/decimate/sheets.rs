@@ -24,9 +24,9 @@ pub(in crate::export) struct Surface {
 }
 
 /// Numbers in sets, each named by its least number.
-struct Sets(Vec<u32>);
+struct UnionFind(Vec<u32>);
 
-impl Sets {
+impl UnionFind {
     fn new(count: usize) -> Self {
         Self((0..).take(count).collect())
     }
@@ -113,7 +113,7 @@ impl Surface {
 
     /// The part of each corner, and how many parts there are.
     pub(super) fn parts(&self) -> (Vec<u32>, usize) {
-        let mut sets = Sets::new(self.at.len());
+        let mut sets = UnionFind::new(self.at.len());
         for [a, b, c] in &self.faces {
             sets.join(*a, *b);
             sets.join(*b, *c);
@@ -198,7 +198,7 @@ impl Surface {
         let mut is_paired = false;
         let mut fans = Vec::new();
         for _ in 0..ROUNDS {
-            let mut sets = Sets::new(partners.len());
+            let mut sets = UnionFind::new(partners.len());
             for (edge, partner) in (0..).zip(&partners).filter(|(_, partner)| **partner != NONE) {
                 sets.join(edge, next(*partner));
                 sets.join(next(edge), *partner);

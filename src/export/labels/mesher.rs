@@ -10,7 +10,7 @@ use std::io;
 
 use super::cell::{distinct, knots, sheets};
 use super::parts::Parts;
-use super::walls::{Placing, Spot};
+use super::walls::{Placing, WallCorner};
 use crate::export::cases::{EDGES, others};
 use crate::export::dual::{Near, distance, placed};
 use crate::export::patch::corner_at;
@@ -283,7 +283,7 @@ impl<'a> Mesher<'a> {
     }
 
     #[inline(always)]
-    fn cell(&mut self, cell: [u32; 3], corners: CornerLabels, spot: &Spot) -> io::Result<()> {
+    fn cell(&mut self, cell: [u32; 3], corners: CornerLabels, spot: &WallCorner) -> io::Result<()> {
         let (labels, count) = distinct(&corners);
         let at = self.mm(cell, spot.at);
         let begin = self.here.shares.len();

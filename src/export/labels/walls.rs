@@ -20,7 +20,7 @@ const SLIGHT: f64 = 1.0 / 32.0;
 
 /// A corner within its cell, in voxels from the middle, and the normals of the cell's labels in mm.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Spot {
+pub(super) struct WallCorner {
     pub(super) at: [f64; 3],
     pub(super) normals: [[f32; 3]; 8],
     pub(super) sheet: Option<Sheet>,
@@ -142,9 +142,9 @@ impl Sheet {
 
 impl Placing<'_> {
     /// Places the corner of a cell; `corners` hold indices into a table in place of labels.
-    pub(super) fn by_walls(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
+    pub(super) fn by_walls(&self, walls: &Walls, corners: &CornerLabels) -> WallCorner {
         if self.is_blocky() {
-            return Spot::default();
+            return WallCorner::default();
         }
         let (labels, count) = distinct(corners);
         let labels = &labels[..count];
@@ -169,21 +169,21 @@ impl Placing<'_> {
     }
 
     /// A corner at the point where the walls of voxels meet, with the normals of the stored walls.
-    pub(super) fn in_the_middle(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
-        Spot { at: [0.0; 3], sheet: None, ..self.by_walls(walls, corners) }
+    pub(super) fn in_the_middle(&self, walls: &Walls, corners: &CornerLabels) -> WallCorner {
+        WallCorner { at: [0.0; 3], sheet: None, ..self.by_walls(walls, corners) }
     }
 
-    fn on_plane(&self, plane: &Plane, is_behind: bool) -> Spot {
+    fn on_plane(&self, plane: &Plane, is_behind: bool) -> WallCorner {
         let plane = in_voxels(plane);
         let out = self.in_mm(plane.0);
         let turned = out.map(|c| -c);
-        let mut spot = Spot { at: foot(plane), ..Spot::default() };
+        let mut spot = WallCorner { at: foot(plane), ..WallCorner::default() };
         [spot.normals[0], spot.normals[1]] = if is_behind { [out, turned] } else { [turned, out] };
         spot
     }
 
-    fn on_two(&self, planes: [InVoxels; 2], parts: [u16; 3], labels: &[u16]) -> Spot {
-        let mut spot = Spot { at: nearest(planes), ..Spot::default() };
+    fn on_two(&self, planes: [InVoxels; 2], parts: [u16; 3], labels: &[u16]) -> WallCorner {
+        let mut spot = WallCorner { at: nearest(planes), ..WallCorner::default() };
         let [(first, _), (second, _)] = planes;
         for (label, normal) in labels.iter().zip(&mut spot.normals) {
             let has = parts.map(|part| part == *label);
@@ -199,8 +199,8 @@ impl Placing<'_> {
     }
 
     /// A corner in the middle of its cell, with normals from the octants of each label.
-    fn in_octants(&self, corners: &CornerLabels, labels: &[u16]) -> Spot {
-        let mut spot = Spot::default();
+    fn in_octants(&self, corners: &CornerLabels, labels: &[u16]) -> WallCorner {
+        let mut spot = WallCorner::default();
         for (label, normal) in labels.iter().zip(&mut spot.normals) {
             let mut out = [0.0; 3];
             for corner in (0..CORNERS).filter(|corner| corners[*corner] == *label) {

@@ -264,10 +264,10 @@ impl Record {
 }
 
 /// The items of this run, in an unnamed file; 32 bytes of memory for each.
-pub(super) struct Journal(Mutex<(Appended, Vec<Place>)>);
+pub(super) struct Journal(Mutex<(Appended, Vec<JournalEntry>)>);
 
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct JournalEntry {
     /// Item of the catalogue, and volume in it: the order of reports.
     order: (usize, usize),
     offset: u64,
@@ -285,7 +285,7 @@ impl Journal {
     pub(super) fn add(&self, order: (usize, usize), item: &Item) -> io::Result<()> {
         let text = serde_json::to_vec(item)?;
         let (texts, index) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        index.push(Place { order, offset: texts.push(&text)?, len: text.len() });
+        index.push(JournalEntry { order, offset: texts.push(&text)?, len: text.len() });
         Ok(())
     }
 

@@ -11,7 +11,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::{Connectivity, Threshold};
 use crate::discovery::LeftOut;
 use crate::format::{Channel, SurfaceKind};
-use crate::page::{Shown, Way};
+use crate::page::{Shown, Transport};
 use crate::source::{BurnedIn, GapPolicy};
 use crate::text::{self, data, plain};
 
@@ -224,7 +224,7 @@ impl BatchReport {
         } else {
             let shown = Shown::<&[u8]>::Linked(None);
             write_whole(&out.join(page::VIEWER), |w| {
-                crate::page::write(&shown, "Model", &[], Way::Linked, w)
+                crate::page::write(&shown, "Model", &[], Transport::Linked, w)
             })?;
         }
         write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))

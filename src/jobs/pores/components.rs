@@ -59,7 +59,7 @@ impl Component {
 
 /// Samples of a row that belong to a component.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct ComponentRun {
     start: u32,
     end: u32,
     component: u32,
@@ -70,8 +70,8 @@ pub(super) struct Components {
     sought: Sought,
     frame: RegionFrame,
     slice: u32,
-    before: Rows<Part>,
-    now: Rows<Part>,
+    before: Rows<ComponentRun>,
+    now: Rows<ComponentRun>,
     components: Vec<Component>,
     /// Components that touch the present run.
     touched: Vec<u32>,
@@ -147,7 +147,7 @@ impl Components {
             }
             if (run.label == 0) == (self.sought == Sought::Pores) {
                 let component = self.connect(run, row);
-                self.now.push(Part { start: run.start, end: run.end, component });
+                self.now.push(ComponentRun { start: run.start, end: run.end, component });
             }
         }
         self.now.end_row();
@@ -183,7 +183,7 @@ impl Components {
             Sought::Pores => (row..=row, 0),
             Sought::Bodies => (row.saturating_sub(1)..=row + 1, 1),
         };
-        let touched = |parts: &[Part], into: &mut Vec<u32>| {
+        let touched = |parts: &[ComponentRun], into: &mut Vec<u32>| {
             let from = parts.partition_point(|other| other.end + reach <= run.start);
             let touching = parts[from..].iter().take_while(|other| other.start < run.end + reach);
             into.extend(touching.map(|other| other.component));

@@ -12,7 +12,7 @@ use crate::measure::nearest::{Query, Sample, Search, Surface};
 use crate::measure::uncertainty::Uncertainty;
 use crate::render::ray::Ray;
 use crate::render::single::trace;
-use crate::render::surface::{Crossing, Passage, Surface as Within};
+use crate::render::surface::{Crossing, Passage, Surface as CellVolume};
 use crate::render::traverse::Hit;
 
 use super::Method;
@@ -121,7 +121,7 @@ impl Leaving<'_> {
     }
 }
 
-impl Within for Leaving<'_> {
+impl CellVolume for Leaving<'_> {
     const SOLID: bool = false;
 
     fn meet(&self, view: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit> {

@@ -11,7 +11,7 @@ use crate::jobs::render::RenderRequest;
 use crate::jobs::scene::{OpenScene, is_scene, picture_of};
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;
-use crate::page::{self, Shown, Way};
+use crate::page::{self, Shown, Transport};
 use crate::progress::Silent;
 use crate::render::{GridSpace, Image, Projection, ViewPoint};
 use crate::scene::LabelRule;
@@ -88,12 +88,12 @@ impl Subject {
                     GridSpace::new(model.dims(), &model.affine()).map_err(|error| failed(error.into()))?;
                 let is_large = model.header().file_bytes > page::MAX_BYTES
                     || model.frame().labels.len() > page::MAX_LABELS;
-                let way = if is_large { Way::Pictures } else { Way::Served };
+                let way = if is_large { Transport::Pictures } else { Transport::Served };
                 page::write(&Shown::Model(model, &space), &title, &picture, way, out)?;
             }
             What::Scene(scene) => {
                 let shown = Shown::<&[u8]>::Scene(scene.extent().map_err(failed)?, scene.start());
-                page::write(&shown, &title, &picture, Way::Pictures, out)?;
+                page::write(&shown, &title, &picture, Transport::Pictures, out)?;
             }
         }
         self.check_unchanged()

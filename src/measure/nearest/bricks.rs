@@ -3,8 +3,8 @@
 //! Cells of a node two levels above them have numbers in a row, in Morton order, so that a bit for each place and the first
 //! number are enough to find all of them.
 
-use super::tree::Way;
-use super::{Facet, Place, Surface};
+use super::tree::NodePath;
+use super::{Facet, OctreeBox, Surface};
 use crate::geom::BoxIndex;
 use crate::load::NodeView;
 
@@ -68,7 +68,7 @@ struct Brick {
 impl Brick {
     /// Decodes a brick, which may be empty.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 facets of 64 cells")]
-    fn fill(&mut self, surface: &Surface<'_>, way: &mut Way, at: [u32; 3]) {
+    fn fill(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) {
         (self.at, self.cells, self.corners) = (at, 0, 0);
         self.starts.clear();
         self.facets.clear();
@@ -101,9 +101,9 @@ impl Brick {
 
     /// The cell at a place.
     #[inline]
-    fn place(&self, v: u32) -> Place {
+    fn place(&self, v: u32) -> OctreeBox {
         let low = std::array::from_fn(|a| self.at[a] << LEVELS | (v >> a & 1) | (v >> (a + 3) & 1) << 1);
-        Place { number: BoxIndex::new(self.first + u64::from(self.before(v))), low, level: 0 }
+        OctreeBox { number: BoxIndex::new(self.first + u64::from(self.before(v))), low, level: 0 }
     }
 
     /// The facets of a cell that is there.
@@ -119,7 +119,7 @@ impl Brick {
 /// A cell of a brick that is kept, with its facets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kept<'b> {
-    pub(super) place: Place,
+    pub(super) place: OctreeBox,
     pub(super) has_corners: bool,
     pub(super) facets: &'b [(u8, Facet)],
 }
@@ -132,7 +132,7 @@ pub(super) struct Bricks(Vec<Brick>);
 
 impl Bricks {
     #[inline]
-    fn brick(&mut self, surface: &Surface<'_>, way: &mut Way, at: [u32; 3]) -> &Brick {
+    fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) -> &Brick {
         let slot = (at[0] & 3 | (at[1] & 3) << 2 | (at[2] & 3) << 4) as usize;
         if self.0.is_empty() {
             self.0.resize(KEPT, Brick { at: [u32::MAX; 3], ..Brick::default() });
@@ -146,7 +146,12 @@ impl Bricks {
 
     /// A cell, if it is there.
     #[inline]
-    pub(super) fn cell(&mut self, surface: &Surface<'_>, way: &mut Way, cell: [u32; 3]) -> Option<Kept<'_>> {
+    pub(super) fn cell(
+        &mut self,
+        surface: &Surface<'_>,
+        way: &mut NodePath,
+        cell: [u32; 3],
+    ) -> Option<Kept<'_>> {
         let brick = self.brick(surface, way, cell.map(|c| c >> LEVELS));
         let v = place_in(cell);
         let has_corners = brick.corners >> v & 1 == 1;
@@ -162,7 +167,7 @@ impl Bricks {
     pub(super) fn range(
         &mut self,
         surface: &Surface<'_>,
-        way: &mut Way,
+        way: &mut NodePath,
         range: [[u32; 3]; 2],
         mut each: impl FnMut(Kept<'_>),
     ) {

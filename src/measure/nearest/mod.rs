@@ -43,7 +43,7 @@ pub(crate) const ON: f64 = 1e-9;
 
 /// A box of the octree: number, lowest cell, and base-2 logarithm of its edge in cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct OctreeBox {
     pub(crate) number: BoxIndex,
     pub(crate) low: [u32; 3],
     pub(crate) level: u32,
@@ -95,7 +95,7 @@ impl<'a> Surface<'a> {
 
     /// True for a larger leaf.
     #[inline]
-    fn is_leaf(&self, place: Place) -> bool {
+    fn is_leaf(&self, place: OctreeBox) -> bool {
         place.level > 0 && self.view.has_leaves() && self.view.is_leaf(place.number.node())
     }
 
@@ -115,7 +115,7 @@ impl<'a> Surface<'a> {
 
     /// The surface in a cell or a larger leaf, facet by facet with the number of its part.
     #[inline]
-    pub(crate) fn facets(&self, place: Place, mut each: impl FnMut(u8, Facet)) {
+    pub(crate) fn facets(&self, place: OctreeBox, mut each: impl FnMut(u8, Facet)) {
         let (middle, half) = self.middle(place.low, place.level);
         if place.level > 0 {
             let plane = self.view.leaf_plane(place.number.node());
@@ -131,7 +131,7 @@ impl<'a> Surface<'a> {
 
     /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all;
     /// the middle of a cell without any.
-    pub(crate) fn sample(&self, place: Place) -> Sample {
+    pub(crate) fn sample(&self, place: OctreeBox) -> Sample {
         let (mut sample, mut largest) = (Sample::default(), -1.0);
         self.facets(place, |_, facet| {
             let (area, point) = facet.section();
@@ -147,13 +147,13 @@ impl<'a> Surface<'a> {
     }
 
     /// The place of a cell, by its number and index.
-    pub(crate) fn cell_place(&self, cell: u64, low: [u32; 3]) -> Place {
-        Place { number: BoxIndex::new(self.view.node_count().saturating_add(cell)), low, level: 0 }
+    pub(crate) fn cell_place(&self, cell: u64, low: [u32; 3]) -> OctreeBox {
+        OctreeBox { number: BoxIndex::new(self.view.node_count().saturating_add(cell)), low, level: 0 }
     }
 
     /// True for a cell with corners, whose surface may be two sheets.
     #[inline]
-    fn has_corners(&self, place: Place) -> bool {
+    fn has_corners(&self, place: OctreeBox) -> bool {
         place.level == 0 && self.cells.plane(self.cell(place.number)).is_none()
     }
 

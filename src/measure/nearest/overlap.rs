@@ -5,7 +5,7 @@
 //! from the other surface than half its diagonal lies inside or outside as a whole, and is not looked into further where
 //! it cannot change a figure.
 
-use super::{Facet, Place, Query, Search, Surface};
+use super::{Facet, OctreeBox, Query, Search, Surface};
 use crate::geom::{Octant, dot};
 use crate::load::NodeView;
 
@@ -58,8 +58,8 @@ impl Gap {
 }
 
 impl Surface<'_> {
-    fn root(&self) -> Place {
-        Place { number: crate::geom::BoxIndex::ROOT, low: [0; 3], level: self.view.depth() }
+    fn root(&self) -> OctreeBox {
+        OctreeBox { number: crate::geom::BoxIndex::ROOT, low: [0; 3], level: self.view.depth() }
     }
 }
 
@@ -77,18 +77,18 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn children(&self, place: Place) -> Vec<Place> {
+    fn children(&self, place: OctreeBox) -> Vec<OctreeBox> {
         let (node, level) = (place.number.node(), place.level - 1);
         let (infobyte, first) = (self.own.view.infobyte(node), self.own.view.first_child(node));
         let child = |octant: Octant| {
             let high = octant.high();
             let low = std::array::from_fn(|a| place.low[a] + (high[a] << level));
-            Place { number: first.after(octant.rank_in(infobyte)), low, level }
+            OctreeBox { number: first.after(octant.rank_in(infobyte)), low, level }
         };
         Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)).map(child).collect()
     }
 
-    fn facets(&self, place: Place) -> Vec<Facet> {
+    fn facets(&self, place: OctreeBox) -> Vec<Facet> {
         let mut facets = Vec::new();
         self.own.facets(place, |_, facet| facets.push(facet));
         facets
@@ -103,7 +103,7 @@ impl Walk<'_> {
 
     /// Adds what of the box's surface lies in the other body; `deepest` is the most that its places can be inside, if the
     /// whole box is.
-    fn shared(&mut self, place: Place, deepest: Option<f64>, shared: &mut Shared) {
+    fn shared(&mut self, place: OctreeBox, deepest: Option<f64>, shared: &mut Shared) {
         let mut deepest = deepest;
         if deepest.is_none_or(|deepest| deepest > shared.depth) {
             let (middle, half) = self.own.middle(place.low, place.level);
@@ -139,7 +139,7 @@ impl Walk<'_> {
     }
 
     /// The least distance from the box's surface to the other one, and the place of the world where it is.
-    fn nearest(&mut self, place: Place, best: &mut Option<(f64, [f64; 3])>) {
+    fn nearest(&mut self, place: OctreeBox, best: &mut Option<(f64, [f64; 3])>) {
         if place.level == 0 || self.own.is_leaf(place) {
             for facet in self.facets(place) {
                 let at = facet.section().1;
@@ -150,7 +150,7 @@ impl Walk<'_> {
             }
             return;
         }
-        let mut children: Vec<(f64, Place)> = Vec::new();
+        let mut children: Vec<(f64, OctreeBox)> = Vec::new();
         for child in self.children(place) {
             let (middle, half) = self.own.middle(child.low, child.level);
             children.push((self.signed(middle).abs() - dot(half, half).sqrt(), child));

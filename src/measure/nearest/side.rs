@@ -14,7 +14,7 @@ use crate::geom::{BoxIndex, Octant};
 use crate::load::{CellShape, NodeView, PlanePart};
 
 use super::tree::ALONG;
-use super::{Found, ON, Place, Search, Surface};
+use super::{Found, ON, OctreeBox, Search, Surface};
 
 /// Where a point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ impl Search<'_> {
         if found.height.abs() > ALONG * distance && !surface.has_corners(found.place) {
             return Side::of(found.height < 0.0);
         }
-        let root = Place { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };
+        let root = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };
         Side::of((0..3).all(|axis| {
             [false, true].into_iter().all(|up| surface.first_along(root, cell, axis, up) == Some(true))
         }))
@@ -79,7 +79,7 @@ impl Surface<'_> {
     }
 
     /// True if a point of a cell, or of a larger leaf, is behind the surface in it.
-    pub(super) fn is_behind(&self, place: Place, point: [f64; 3]) -> bool {
+    pub(super) fn is_behind(&self, place: OctreeBox, point: [f64; 3]) -> bool {
         if place.level == 0
             && let CellShape::Corners(corners) = self.cells.shape(self.cell(place.number))
         {
@@ -97,7 +97,7 @@ impl Surface<'_> {
 
     /// True if the side towards an empty cell of the first cell from there along an axis lies behind its surface; `None`
     /// if there is no cell in the box. The nearer half of a box goes first.
-    fn first_along(&self, place: Place, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
+    fn first_along(&self, place: OctreeBox, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
         if place.level == 0 || self.is_leaf(place) {
             return Some(self.covers(place, from, axis, up));
         }
@@ -109,13 +109,13 @@ impl Surface<'_> {
             let is_past = if up { low[axis] + (1 << level) <= from[axis] } else { low[axis] > from[axis] };
             let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
             let number = (!is_past).then(|| self.view.child(node, octant))??;
-            self.first_along(Place { number, low, level }, from, axis, up)
+            self.first_along(OctreeBox { number, low, level }, from, axis, up)
         })
     }
 
     /// True if the four corners of a cell that face a point lie behind its surface; a larger leaf counts by its cell next
     /// to that side.
-    fn covers(&self, place: Place, from: [u32; 3], axis: usize, up: bool) -> bool {
+    fn covers(&self, place: OctreeBox, from: [u32; 3], axis: usize, up: bool) -> bool {
         let mut facing = (0..CORNERS).filter(|corner| (corner >> axis & 1 == 1) != up);
         if place.level > 0 {
             let edge = 1_u32 << place.level;

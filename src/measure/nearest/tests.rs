@@ -47,7 +47,7 @@ fn model(body: fn([f64; 3]) -> f64, spacing: [f64; 3], noise: f64, error: Option
 /// The nearest point by asking every facet.
 fn brute(surface: &Surface<'_>, point: [f64; 3], query: &Query<'_>) -> Option<Found> {
     let mut best: Option<Found> = None;
-    let mut waiting = vec![Place { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() }];
+    let mut waiting = vec![OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() }];
     while let Some(place) = waiting.pop() {
         if place.level == 0 || surface.is_leaf(place) {
             surface.facets(place, |part, facet| {
@@ -65,7 +65,7 @@ fn brute(surface: &Surface<'_>, point: [f64; 3], query: &Query<'_>) -> Option<Fo
         for octant in crate::geom::Octant::ALL {
             if let Some(number) = surface.view.child(place.number.node(), octant) {
                 let low = std::array::from_fn(|a| place.low[a] + (octant.high()[a] << (place.level - 1)));
-                waiting.push(Place { number, low, level: place.level - 1 });
+                waiting.push(OctreeBox { number, low, level: place.level - 1 });
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::NodeView;
 
 use super::bricks::{self, Bricks, Kept};
-use super::{Facet, Place, Surface};
+use super::{Facet, OctreeBox, Surface};
 
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
@@ -56,7 +56,7 @@ pub(crate) struct Found {
     /// Unit vector out of the facet, in the frame.
     pub(crate) normal: [f64; 3],
     /// The cell or larger leaf.
-    pub(crate) place: Place,
+    pub(crate) place: OctreeBox,
     /// Number of its facet.
     pub(crate) part: u8,
     /// Height of the point asked for over the facet's plane.
@@ -77,7 +77,7 @@ impl Found {
 
     /// Nearer; of those as near the one of the lower number, then part.
     #[inline]
-    fn is_before(&self, square: f64, place: Place, part: u8) -> bool {
+    fn is_before(&self, square: f64, place: OctreeBox, part: u8) -> bool {
         (self.square, self.place.number, self.part) <= (square, place.number, part)
     }
 }
@@ -89,10 +89,10 @@ impl Found {
 #[derive(Clone, Debug)]
 pub(crate) struct Search<'a> {
     pub(crate) surface: Surface<'a>,
-    waiting: Vec<(f64, Place)>,
-    way: Way,
+    waiting: Vec<(f64, OctreeBox)>,
+    way: NodePath,
     bricks: Bricks,
-    seed: Option<Place>,
+    seed: Option<OctreeBox>,
     best: Best,
 }
 
@@ -110,12 +110,12 @@ impl<'a> Search<'a> {
     pub(super) fn new(surface: Surface<'a>) -> Self {
         let finest = surface.space.finest;
         let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
-        let (way, bricks) = (Way::new(&surface), Bricks::default());
+        let (way, bricks) = (NodePath::new(&surface), Bricks::default());
         Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
     }
 
     /// Starts the next search at a cell in place of the last answer's.
-    pub(crate) fn start_at(&mut self, seed: Option<Place>) {
+    pub(crate) fn start_at(&mut self, seed: Option<OctreeBox>) {
         self.seed = seed;
     }
 
@@ -131,7 +131,7 @@ impl<'a> Search<'a> {
             self.ask(seed, point, query);
         }
         let asked = own.or(self.seed);
-        let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
+        let mut start = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
         if self.best.found.is_some()
             && let Some(range) = self.range(point, self.best.slack().sqrt())
         {
@@ -156,7 +156,7 @@ impl<'a> Search<'a> {
     }
 
     /// Asks the cell that a point lies in, if it is there.
-    fn kept(&mut self, cell: [u32; 3], point: [f64; 3], query: &Query<'_>) -> Option<Place> {
+    fn kept(&mut self, cell: [u32; 3], point: [f64; 3], query: &Query<'_>) -> Option<OctreeBox> {
         let Self { surface, way, bricks, best, .. } = self;
         let kept = bricks.cell(surface, way, cell)?;
         best.ask(&kept, point, query);
@@ -164,7 +164,13 @@ impl<'a> Search<'a> {
     }
 
     /// Asks the cells of a range but the one that was asked.
-    fn ask_range(&mut self, range: [[u32; 3]; 2], asked: Option<Place>, point: [f64; 3], query: &Query<'_>) {
+    fn ask_range(
+        &mut self,
+        range: [[u32; 3]; 2],
+        asked: Option<OctreeBox>,
+        point: [f64; 3],
+        query: &Query<'_>,
+    ) {
         let Self { surface, way, bricks, best, .. } = self;
         bricks.range(surface, way, range, |kept| {
             if asked != Some(kept.place) {
@@ -174,7 +180,7 @@ impl<'a> Search<'a> {
     }
 
     /// The box of the tree in which a cell of the grid lies: a cell, a larger leaf, or `None` where it is empty.
-    pub(super) fn at(&mut self, cell: [u32; 3]) -> Option<Place> {
+    pub(super) fn at(&mut self, cell: [u32; 3]) -> Option<OctreeBox> {
         self.way.go(&self.surface, cell, 0)
     }
 
@@ -211,13 +217,13 @@ impl<'a> Search<'a> {
     }
 
     /// The smallest box that holds a range of cells, as far as the tree goes.
-    fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> Place {
+    fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> OctreeBox {
         let apart = (0..3).fold(0, |apart, a| apart | (first[a] ^ last[a]));
         self.way.go(&self.surface, first, 0);
         self.way.place(u32::BITS - apart.leading_zeros())
     }
 
-    fn descend(&mut self, start: Place, asked: Option<Place>, point: [f64; 3], query: &Query<'_>) {
+    fn descend(&mut self, start: OctreeBox, asked: Option<OctreeBox>, point: [f64; 3], query: &Query<'_>) {
         self.waiting.clear();
         self.waiting.push((0.0, start));
         while let Some((square, place)) = self.waiting.pop() {
@@ -236,7 +242,7 @@ impl<'a> Search<'a> {
 
     /// Puts the children of a node that are near enough on the stack, the nearest last.
     #[inline]
-    fn open(&mut self, place: Place, point: [f64; 3]) {
+    fn open(&mut self, place: OctreeBox, point: [f64; 3]) {
         let node = place.number.node();
         let infobyte = self.surface.view.infobyte(node);
         let first = self.surface.view.first_child(node);
@@ -263,7 +269,7 @@ impl<'a> Search<'a> {
             let square = x + y + z;
             if square <= most {
                 let low = std::array::from_fn(|a| place.low[a] + (high[a] << level));
-                let child = (square, Place { number, low, level });
+                let child = (square, OctreeBox { number, low, level });
                 let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
                 self.waiting.insert(begin + before, child);
             }
@@ -273,7 +279,7 @@ impl<'a> Search<'a> {
 
     /// Asks the facets of a cell or a larger leaf.
     #[inline]
-    fn ask(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
+    fn ask(&mut self, place: OctreeBox, point: [f64; 3], query: &Query<'_>) {
         let surface = self.surface;
         if let Some(among) = query.among {
             let cell = surface.cell(place.number);
@@ -302,7 +308,7 @@ impl Best {
 
     /// Keeps a facet's nearest point if it is before the best one, within the limit, and counts.
     #[inline]
-    fn offer(&mut self, facet: &Facet, (place, part): (Place, u8), point: [f64; 3], query: &Query<'_>) {
+    fn offer(&mut self, facet: &Facet, (place, part): (OctreeBox, u8), point: [f64; 3], query: &Query<'_>) {
         if !facet.may_reach(point, self.slack()) || !query.accepts(facet.normal) {
             return;
         }
@@ -324,7 +330,7 @@ fn is_small([first, last]: [[u32; 3]; 2]) -> bool {
 
 /// The boxes on the way from the root to a cell.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub(super) struct NodePath {
     cell: [u32; 3],
     boxes: [BoxIndex; MAX_LEVELS],
     /// The lowest level of which the box is known.
@@ -332,7 +338,7 @@ pub(super) struct Way {
     depth: u32,
 }
 
-impl Way {
+impl NodePath {
     fn new(surface: &Surface<'_>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
         let depth = surface.view.depth().min(MAX_LEVELS as u32 - 1);
@@ -340,7 +346,7 @@ impl Way {
     }
 
     /// Follows the way to a cell of the grid, from where it parts from the one before, to the box of a level.
-    pub(super) fn go(&mut self, surface: &Surface<'_>, cell: [u32; 3], end: u32) -> Option<Place> {
+    pub(super) fn go(&mut self, surface: &Surface<'_>, cell: [u32; 3], end: u32) -> Option<OctreeBox> {
         let apart = (0..3).fold(0, |apart, a| apart | (cell[a] ^ self.cell[a]));
         let mut level = (u32::BITS - apart.leading_zeros()).max(self.reached).min(self.depth);
         self.cell = cell;
@@ -358,9 +364,9 @@ impl Way {
     }
 
     /// The box of a level on the way, as far as it is known.
-    fn place(&self, level: u32) -> Place {
+    fn place(&self, level: u32) -> OctreeBox {
         let level = level.max(self.reached);
         let number = self.boxes.get(level as usize).copied().unwrap_or(BoxIndex::ROOT);
-        Place { number, low: self.cell.map(|c| c >> level << level), level }
+        OctreeBox { number, low: self.cell.map(|c| c >> level << level), level }
     }
 }

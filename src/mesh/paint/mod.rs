@@ -27,7 +27,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lattice::{HALF, STEPS, Triangle, edges, first_centre, last_centre, span};
-use super::read::{Look, Material, NO_MATERIAL};
+use super::read::{Appearance, Material, NO_MATERIAL};
 use crate::builder::{ItemForm, SkinSlice};
 use crate::format::cell::{HAS_CORNERS, Plane};
 use crate::format::{Channel, SurfaceKind, normal};
@@ -162,14 +162,14 @@ impl Collector {
     }
 
     /// Keeps the next triangle and its look.
-    pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
+    pub(super) fn add(&mut self, t: &Triangle, look: &Appearance) -> Result<(), SourceError> {
         let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART) as u32;
-        let mut look = Look { part, ..*look };
+        let mut look = Appearance { part, ..*look };
         if !self.wanted.normals {
             look.normals = None;
         }
         if !self.wanted.colors {
-            look = Look { normals: look.normals, part, ..Look::NONE };
+            look = Appearance { normals: look.normals, part, ..Appearance::NONE };
         }
         if look.material != NO_MATERIAL {
             look.material = self.first_coat.saturating_add(look.material);
@@ -233,7 +233,7 @@ pub(super) struct Painter<'a> {
     /// Places of the slice whose look is sought, in lattice steps, and their triangles.
     places: Vec<[f64; 3]>,
     best: Vec<Best>,
-    last: Option<(u32, Look)>,
+    last: Option<(u32, Appearance)>,
     colors: Vec<u8>,
     parts: Vec<u8>,
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::scratch::Appended;
 
-use super::super::read::Look;
+use super::super::read::Appearance;
 
 /// Bytes written at a time.
 const BUFFER: usize = 32 << 10;
@@ -35,8 +35,8 @@ impl Columns {
     }
 
     /// Appends the look of the next triangle.
-    pub(super) fn put(&mut self, look: &Look) -> io::Result<()> {
-        let Look { colors, places, normals, material, part } = look;
+    pub(super) fn put(&mut self, look: &Appearance) -> io::Result<()> {
+        let Appearance { colors, places, normals, material, part } = look;
         let values = [
             colors.as_ref().map(|of| of.as_flattened()),
             places.as_ref().map(|of| of.as_flattened()),
@@ -64,11 +64,11 @@ impl Columns {
         Ok(())
     }
 
-    pub(super) fn get(&self, number: u32) -> io::Result<Look> {
+    pub(super) fn get(&self, number: u32) -> io::Result<Appearance> {
         let [base, colors, places, normals] = &self.kinds;
         let [material, more] = record::<2>(base, number)?.map(f32::to_bits);
         let has = |kind: u32| more >> (8 + kind) & 1 == 1;
-        Ok(Look {
+        Ok(Appearance {
             colors: if has(0) { Some(three(&record::<9>(colors, number)?)) } else { None },
             places: if has(1) { Some(three(&record::<6>(places, number)?)) } else { None },
             normals: if has(2) { Some(three(&record::<9>(normals, number)?)) } else { None },
@@ -89,7 +89,7 @@ mod tests {
         let mut columns = Columns::new(folder.path());
         let look = |at: u32| {
             let v = at as f32;
-            Look {
+            Appearance {
                 colors: at.is_multiple_of(3).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),
                 places: at.is_multiple_of(7).then_some([[v, -v], [0.0, 1.0], [v, v]]),
                 normals: at.is_multiple_of(2).then_some([[v; 3], [1.0; 3], [-v; 3]]),

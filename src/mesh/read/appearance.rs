@@ -9,7 +9,7 @@ pub(in crate::mesh) const NO_MATERIAL: u32 = u32::MAX;
 
 /// The look of a triangle: each part for its three corners in turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::mesh) struct Look {
+pub(in crate::mesh) struct Appearance {
     /// Red, green and blue in linear light, 0 to 1.
     pub(in crate::mesh) colors: Option<[[f32; 3]; 3]>,
     /// Place in the texture of its material, 1 for its whole width and height.
@@ -22,7 +22,7 @@ pub(in crate::mesh) struct Look {
     pub(in crate::mesh) part: u32,
 }
 
-impl Look {
+impl Appearance {
     /// The look for corners that begin with another one: the second, where `by` is 1, or the third.
     pub(in crate::mesh) fn rotated(mut self, by: usize) -> Self {
         if let Some(colors) = &mut self.colors {

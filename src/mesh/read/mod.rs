@@ -42,7 +42,7 @@ use crate::mesh::read::stop::unknown_format;
 use crate::platform::PositionalFile;
 use crate::text::plain_head;
 use crate::volume::{SourceError, SourceFault};
-pub(super) use appearance::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
+pub(super) use appearance::{Appearance, Image, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use linked::missing;
 pub(crate) use polygon::cut as cut_polygon;
 use stop::{Each, EachLook};
@@ -320,12 +320,12 @@ impl MeshFile {
     pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
         let is_placed = matches!(self.kind, Kind::Gltf(_) | Kind::ThreeMf(_));
         let (unit_mm, up) = if is_placed { (self.unit_mm, UpAxis::Z) } else { (1.0, self.up) };
-        let mut placed = |t: &[[f64; 3]; 3], look: &Look| {
+        let mut placed = |t: &[[f64; 3]; 3], look: &Appearance| {
             if unit_mm == 1.0 && up == UpAxis::Z {
                 return each(t, look);
             }
             let normals = look.normals.map(|all| all.map(|n| up.upright(n)));
-            each(&t.map(|p| up.upright(p.map(|c| c / unit_mm))), &Look { normals, ..*look })
+            each(&t.map(|p| up.upright(p.map(|c| c / unit_mm))), &Appearance { normals, ..*look })
         };
         let read = match &self.kind {
             // Faces of vertices without looks are read faster.
@@ -333,7 +333,7 @@ impl MeshFile {
             Kind::Obj(open) => open.for_each_look(&mut placed),
             Kind::Gltf(open) => open.for_each(&mut placed),
             Kind::ThreeMf(open) => open.for_each(&mut placed),
-            _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
+            _ => return self.for_each(scratch, &mut |t| each(t, &Appearance::NONE)),
         };
         read.map_err(|stop| error_of(&self.path, scratch, stop))
     }

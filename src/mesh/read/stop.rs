@@ -1,6 +1,6 @@
 //! The callbacks of a reader, and its reasons to stop.
 
-use super::appearance::Look;
+use super::appearance::Appearance;
 use crate::fault::{Fault, FaultKind, bad, conversions};
 use crate::text::shown;
 use crate::volume::SourceError;
@@ -12,7 +12,7 @@ pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), Stop
 pub(super) type EachOf<'a, P> = dyn FnMut(&[P; 3], u64) -> Result<(), Stop> + 'a;
 
 /// Takes the vertices of each triangle, and its look.
-pub(in crate::mesh) type EachLook<'a> = dyn FnMut(&[[f64; 3]; 3], &Look) -> Result<(), Stop> + 'a;
+pub(in crate::mesh) type EachLook<'a> = dyn FnMut(&[[f64; 3]; 3], &Appearance) -> Result<(), Stop> + 'a;
 
 /// Refuses a triangle, which is counted from 1, with coordinates that are not numbers.
 #[inline]

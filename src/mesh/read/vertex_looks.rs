@@ -1,6 +1,6 @@
 //! Colours and normals of vertices, looked up by the numbers of vertices.
 
-use super::appearance::{Look, linear};
+use super::appearance::{Appearance, linear};
 use super::stop::Stop;
 use super::vertices::{FEW_PAGES, Pages, Vertices};
 
@@ -46,8 +46,8 @@ pub(super) fn light(stored: [f64; 3]) -> [f32; 3] {
 
 impl LookReader<'_> {
     /// The look of a triangle, by the numbers of its vertices.
-    pub(super) fn look(&mut self, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
-        let mut look = Look::NONE;
+    pub(super) fn look(&mut self, corners: [u32; 3], face: u64) -> Result<Appearance, Stop> {
+        let mut look = Appearance::NONE;
         if let Some((pages, scale)) = &mut self.colors {
             let mut three = [[0.0; 3]; 3];
             for (out, at) in three.iter_mut().zip(corners) {
@@ -66,7 +66,12 @@ impl LookReader<'_> {
     }
 
     /// Like [`LookReader::look`], for a triangle with a number of its own from 0.
-    pub(super) fn look_of(&mut self, triangle: u64, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
+    pub(super) fn look_of(
+        &mut self,
+        triangle: u64,
+        corners: [u32; 3],
+        face: u64,
+    ) -> Result<Appearance, Stop> {
         let mut look = self.look(corners, face)?;
         if let Some((pages, scale)) = &mut self.of_triangles {
             look.colors = Some([light(pages.get(triangle, face)?.map(|c| c * *scale)); 3]);

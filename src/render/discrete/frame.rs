@@ -1,7 +1,7 @@
 //! Rays of a parallel projection by increments: two additions a pixel for the floor, two for the ceiling (the paper, 3.4).
 
 use crate::load::NodeView;
-use crate::render::pixel_rays::Sight;
+use crate::render::pixel_rays::PixelRays;
 use crate::render::ray::Ray;
 use crate::render::tile::{TILE, Tile};
 use crate::render::traverse::Trace;
@@ -12,13 +12,13 @@ use super::walk::first_hit;
 /// The discrete rays of a picture: by increments where possible, else each by itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DiscreteRays<'a> {
-    sight: Sight<'a>,
+    sight: PixelRays<'a>,
     frame: Option<ParallelFrame>,
 }
 
 impl<'a> DiscreteRays<'a> {
     /// The rays of a picture of this size in pixels.
-    pub(crate) fn new(sight: Sight<'a>, width: u32, height: u32) -> Self {
+    pub(crate) fn new(sight: PixelRays<'a>, width: u32, height: u32) -> Self {
         Self { sight, frame: ParallelFrame::new(&sight, width, height) }
     }
 
@@ -110,7 +110,7 @@ const FARTHEST: f64 = 65_536.0;
 
 impl ParallelFrame {
     /// The frame of a picture; `None` in perspective, and where a ray is too far from the grid.
-    pub fn new(sight: &Sight<'_>, width: u32, height: u32) -> Option<Self> {
+    pub fn new(sight: &PixelRays<'_>, width: u32, height: u32) -> Option<Self> {
         let pencil = sight.pencil((0, 0))?;
         let [towards, ..] = pencil.direction;
         if pencil.direction[1..].iter().flatten().any(|c| *c != 0.0) {

@@ -1,6 +1,6 @@
 //! The normals of a tile's pixels together: normals of skin are judged 64 at once, and pixels of one face share theirs.
 
-use super::neighborhood::Surroundings;
+use super::neighborhood::Neighborhood;
 use super::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
 use super::shading_normal::{Line, Normals, PixelHit, towards_eye};
 use crate::cpu::Form;
@@ -74,7 +74,7 @@ impl TileNormals {
     pub(crate) fn fill(
         &mut self,
         normals: &Normals<'_>,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         hits: &[PixelHit],
         line: impl Fn(usize) -> Line,
         out: &mut [[f32; 3]],
@@ -98,7 +98,7 @@ impl TileNormals {
     fn in_boxes(
         &mut self,
         all: &Normals<'_>,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: &[PixelHit],
         line: impl Fn(usize) -> Line,
     ) -> ([[f64; RAYS]; 3], u64) {
@@ -163,7 +163,7 @@ impl TileNormals {
     fn one(
         &mut self,
         all: &Normals<'_>,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
     ) -> Option<[f64; 3]> {

@@ -65,7 +65,7 @@ impl Block {
 const KEPT_BLOCKS: usize = 64;
 
 /// Looks up windows of 5 x 5 x 5 boxes.
-pub(crate) struct Surroundings {
+pub(crate) struct Neighborhood {
     bricks: Vec<WindowBrick>,
     blocks: [Block; KEPT_BLOCKS],
     way: Descent,
@@ -76,7 +76,7 @@ pub(crate) struct Surroundings {
     pub(super) larger: larger::BoxNormals,
 }
 
-impl Surroundings {
+impl Neighborhood {
     pub(crate) fn new() -> Self {
         let way = Descent { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
         Self {
@@ -265,7 +265,7 @@ mod tests {
             if levels == 0 {
                 continue;
             }
-            let mut around = Surroundings::new();
+            let mut around = Neighborhood::new();
             for _ in 0..600 {
                 let cell = [0; 3].map(|_: u32| i64::from(random.below(1_u32 << levels)));
                 let (found, number) = around.window(&tree.view(), levels, cell);

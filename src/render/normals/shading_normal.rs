@@ -7,7 +7,7 @@ use crate::load::{ModelView, NodeView};
 
 use super::blend;
 use super::larger;
-use super::neighborhood::Surroundings;
+use super::neighborhood::Neighborhood;
 use super::repair::{self, tile::Stored};
 use super::smooth;
 use crate::render::Smoothing;
@@ -230,7 +230,7 @@ impl<'a> Normals<'a> {
     #[inline]
     fn blended(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
         own: [f64; 3],
@@ -257,7 +257,7 @@ impl<'a> Normals<'a> {
     fn of_cells(
         &self,
         cells: &Cells<'_>,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
         own: [f64; 3],
@@ -281,7 +281,7 @@ impl<'a> Normals<'a> {
     /// plane of a cell is the surface itself, and is never contradicted.
     pub(crate) fn normal(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
     ) -> [f64; 3] {
@@ -295,7 +295,7 @@ impl<'a> Normals<'a> {
     #[inline]
     pub(super) fn in_boxes(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
     ) -> Option<[f64; 3]> {
@@ -336,7 +336,7 @@ impl<'a> Normals<'a> {
     /// Like [`Self::outward`], blended between the boxes around.
     pub(crate) fn smooth_outward(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: Line,
     ) -> Option<[f64; 3]> {
@@ -369,7 +369,7 @@ impl<'a> Normals<'a> {
     #[inline]
     fn facing(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         face: Face,
         line: impl Fn() -> Line,
@@ -461,7 +461,7 @@ impl<'a> Normals<'a> {
     #[inline]
     pub(super) fn scatter(
         &self,
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         seen: PixelHit,
         line: impl Fn() -> Line,
     ) -> Option<[f64; 6]> {

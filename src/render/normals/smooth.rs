@@ -8,7 +8,7 @@
 //! On a head's bone, 2.5 times as many cells count as the eight of [`super::blend`]; light specks of 10,000 smooth
 //! pixels fall from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
-use super::neighborhood::Surroundings;
+use super::neighborhood::Neighborhood;
 use crate::cpu::{Form, Kernel, Lanes};
 use crate::format::LabelItems;
 use crate::geom::dot;
@@ -80,7 +80,7 @@ impl Neighbourhood {
     fn gather(
         &mut self,
         (view, cells): (&ModelView<'_>, CellItems<'_>),
-        around: &mut Surroundings,
+        around: &mut Neighborhood,
         key: Key,
         own: [f64; 3],
     ) {
@@ -178,7 +178,7 @@ impl Kernel for Mean<'_> {
 /// The displayed normal at a point of the grid within a cell, in index space; `own` is the hit's, of any length.
 pub(super) fn smooth(
     (view, cells): (&ModelView<'_>, CellItems<'_>),
-    around: &mut Surroundings,
+    around: &mut Neighborhood,
     box_number: u64,
     at: [f64; 3],
     own: [f64; 3],

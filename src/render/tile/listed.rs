@@ -8,7 +8,7 @@
 
 use crate::cpu::{DOUBLES, Form, Kernel, Lanes, Truths};
 use crate::geom::Affine;
-use crate::render::pixel_rays::{MAX_CELLS, Pencil, Row, Sight, quantised};
+use crate::render::pixel_rays::{MAX_CELLS, Pencil, PixelRays, Row, quantised};
 use crate::render::ray::{BadRay, Ray};
 use crate::render::space::GridSpace;
 
@@ -44,7 +44,7 @@ pub(super) trait Source: Copy {
     fn ray(self, corner: (usize, usize), ray: usize) -> Option<Ray>;
 }
 
-impl Source for &Sight<'_> {
+impl Source for &PixelRays<'_> {
     const LEAVES: bool = false;
 
     #[inline(always)]
@@ -54,17 +54,17 @@ impl Source for &Sight<'_> {
 
     #[inline(always)]
     fn pencil<L: Lanes>(self, _: L, corner: (usize, usize)) -> Option<Pencil> {
-        Sight::pencil(self, corner)
+        PixelRays::pencil(self, corner)
     }
 
     #[inline(always)]
     fn row<L: Lanes>(self, l: L, corner: (usize, usize), row: usize) -> Row<L> {
-        Sight::row(self, l, (corner.0, corner.1 + row))
+        PixelRays::row(self, l, (corner.0, corner.1 + row))
     }
 
     fn ray(self, corner: (usize, usize), ray: usize) -> Option<Ray> {
         let (x, y) = (corner.0 + ray % TILE, corner.1 + ray / TILE);
-        Sight::ray(self, x as f64 + 0.5, y as f64 + 0.5)
+        PixelRays::ray(self, x as f64 + 0.5, y as f64 + 0.5)
     }
 }
 

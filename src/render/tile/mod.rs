@@ -84,7 +84,7 @@ mod words;
 
 use crate::load::ModelView;
 
-use super::pixel_rays::Sight;
+use super::pixel_rays::PixelRays;
 use super::ray::Face;
 use super::surface::Surface;
 use super::traverse::Hit;
@@ -286,7 +286,7 @@ impl Tracer {
         &mut self,
         view: &ModelView<'_>,
         surface: &S,
-        sight: &Sight<'_>,
+        sight: &PixelRays<'_>,
         tile: Tile,
     ) -> &TileHits {
         self.trace_some(view, surface, sight, tile, u64::MAX)
@@ -298,7 +298,7 @@ impl Tracer {
         &mut self,
         view: &ModelView<'_>,
         surface: &S,
-        sight: &Sight<'_>,
+        sight: &PixelRays<'_>,
         tile: Tile,
         asked: u64,
     ) -> &TileHits {

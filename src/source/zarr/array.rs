@@ -59,7 +59,7 @@ struct Keys {
 }
 
 /// Location of a chunk's bytes.
-pub(super) struct Place {
+pub(super) struct ChunkLocation {
     pub(super) file: PositionalFile,
     pub(super) at: u64,
     pub(super) length: u64,
@@ -382,14 +382,14 @@ impl Array {
     }
 
     /// Location of a chunk; `None` if it was never written.
-    pub(super) fn place(&self, volume: u64, chunk: [u64; 3]) -> std::io::Result<Option<Place>> {
+    pub(super) fn place(&self, volume: u64, chunk: [u64; 3]) -> std::io::Result<Option<ChunkLocation>> {
         let file = match crate::platform::PositionalFile::open(&self.path(volume, chunk)) {
             Ok(file) => file,
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(cause) => return Err(cause),
         };
         let length = file.metadata()?.len();
-        let Some(shard) = &self.shard else { return Ok(Some(Place { file, at: 0, length })) };
+        let Some(shard) = &self.shard else { return Ok(Some(ChunkLocation { file, at: 0, length })) };
         let entries: u64 = shard.counts.iter().product();
         let index = entries * 16;
         let whole = index + if shard.checked { 4 } else { 0 };
@@ -415,7 +415,7 @@ impl Array {
         match (number(at), number(length_of)) {
             (u64::MAX, u64::MAX) => Ok(None),
             (at, bytes) if at.checked_add(bytes).is_some_and(|end| end <= length) => {
-                Ok(Some(Place { file, at, length: bytes }))
+                Ok(Some(ChunkLocation { file, at, length: bytes }))
             }
             _ => Err(damaged("the index of its shard")),
         }

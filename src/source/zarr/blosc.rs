@@ -3,7 +3,7 @@
 use std::io;
 use std::ops::Range;
 
-use super::array::Place;
+use super::array::ChunkLocation;
 use super::packing::{Sink, damaged, short};
 use crate::fault::bad;
 
@@ -41,7 +41,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    pub(super) fn read(place: &Place) -> io::Result<Self> {
+    pub(super) fn read(place: &ChunkLocation) -> io::Result<Self> {
         if place.length < HEADER {
             return Err(short());
         }
@@ -97,7 +97,7 @@ impl Header {
     /// Hands on the `wanted` part of a chunk of `bytes` bytes, whose stored form is `length` long.
     pub(super) fn unpack(
         &self,
-        (place, length): (&Place, u64),
+        (place, length): (&ChunkLocation, u64),
         bytes: u64,
         wanted: &Range<u64>,
         (buffers, sink): (&mut Buffers, &mut Sink<'_>),
@@ -171,7 +171,7 @@ pub(super) struct Buffers {
 /// Unpacks the blocks of a chunk, one after the other.
 struct Unpacker<'a> {
     of: &'a Header,
-    place: &'a Place,
+    place: &'a ChunkLocation,
     inner: Inner,
     buffers: &'a mut Buffers,
 }

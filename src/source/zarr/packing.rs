@@ -3,7 +3,7 @@
 use std::io::{self, Read as _};
 use std::ops::Range;
 
-use super::array::{Place, unread};
+use super::array::{ChunkLocation, unread};
 use super::blosc::Buffers;
 use super::{Read, blosc};
 
@@ -81,7 +81,7 @@ impl Packing {
     ///
     /// # Errors
     /// The chunk cannot be read, or begins wrongly.
-    pub(super) fn memory_bytes(self, place: &Place, bytes: u64) -> io::Result<u64> {
+    pub(super) fn memory_bytes(self, place: &ChunkLocation, bytes: u64) -> io::Result<u64> {
         let piece = 3 * PIECE as u64;
         Ok(piece
             + match self.codec {
@@ -94,7 +94,7 @@ impl Packing {
     }
 
     /// Bytes of the blocks that are packed one by one, if a chunk has them and may be unpacked in parts.
-    pub(super) fn block_bytes(self, place: &Place) -> Option<u64> {
+    pub(super) fn block_bytes(self, place: &ChunkLocation) -> Option<u64> {
         let may = self.codec == Codec::Blosc && !self.checked;
         may.then(|| blosc::Header::read(place).ok()).flatten().map(|header| header.block_bytes())
     }
@@ -106,7 +106,7 @@ impl Packing {
     /// The chunk cannot be read, is damaged or of another length, or needs more memory than `allowed_bytes`.
     pub(super) fn unpack(
         self,
-        place: &Place,
+        place: &ChunkLocation,
         (bytes, wanted): (u64, Range<u64>),
         allowed_bytes: u64,
         (buffers, sink): (&mut Buffers, &mut Sink<'_>),
@@ -115,7 +115,7 @@ impl Packing {
         if needed_bytes > allowed_bytes {
             return Err(bad!("is a chunk whose blocks need {needed_bytes} bytes to be unpacked, more than the first chunk ({allowed_bytes})").in_stream());
         }
-        let Place { file, at, length } = place;
+        let ChunkLocation { file, at, length } = place;
         let mut length = *length;
         if self.checked {
             length = length.checked_sub(4).ok_or_else(short)?;
@@ -195,7 +195,7 @@ fn check(file: &PositionalFile, at: u64, length: u64) -> io::Result<()> {
 }
 
 /// The window of a zstd frame (RFC 8878, section 3.1.1.1) of a chunk of `bytes` bytes.
-fn zstd_window(place: &Place, bytes: u64) -> io::Result<u64> {
+fn zstd_window(place: &ChunkLocation, bytes: u64) -> io::Result<u64> {
     const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
     let mut head = [0; 18];
     let there = usize::try_from(place.length).unwrap_or(usize::MAX).min(head.len());

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, TryLockError};
 
-use super::array::{Array, Place};
+use super::array::{Array, ChunkLocation};
 use super::blosc::Buffers;
 use super::packing::{PIECE, short};
 use crate::budget::Reservation;
@@ -60,7 +60,7 @@ pub(super) struct ZarrVolume {
     number: u64,
     info: VolumeInfo,
     unpacking: OnceLock<Unpacking>,
-    way: Way,
+    way: ChunkFiles,
 }
 
 /// Unpacking of chunks.
@@ -75,7 +75,7 @@ struct Unpacking {
 /// Files of chunks by their numbers; `None` where a chunk has no file.
 type OpenFiles = Mutex<Vec<(u64, Option<Arc<PositionalFile>>)>>;
 
-enum Way {
+enum ChunkFiles {
     /// Files of plain chunks, the last ones used first.
     Plain(OpenFiles),
     Packed(Option<Box<Unpacked>>),
@@ -146,7 +146,7 @@ impl ZarrVolume {
     pub(super) fn new(array: Arc<Array>, number: u64, info: VolumeInfo) -> Self {
         let is_plain = !array.packing.is_packed() && !array.packing.is_checked() && !array.is_sharded();
         let is_plain = is_plain && matches!(array.samples, Samples::Plain(_));
-        let way = if is_plain { Way::Plain(Mutex::default()) } else { Way::Packed(None) };
+        let way = if is_plain { ChunkFiles::Plain(Mutex::default()) } else { ChunkFiles::Packed(None) };
         Self { array, number, info, unpacking: OnceLock::new(), way }
     }
 
@@ -289,7 +289,12 @@ impl ZarrVolume {
         }
     }
 
-    fn write(&self, unpacked: &Unpacked, (place, slices): (&Place, &Range<u64>), at: u64) -> io::Result<()> {
+    fn write(
+        &self,
+        unpacked: &Unpacked,
+        (place, slices): (&ChunkLocation, &Range<u64>),
+        at: u64,
+    ) -> io::Result<()> {
         let (bytes, skip) = self.array.within(self.number);
         let slice = self.array.volume_bytes() / self.array.chunk[0];
         let wanted = skip + slices.start * slice..skip + slices.end * slice;
@@ -317,8 +322,8 @@ impl ZarrVolume {
         let [cz, ..] = self.array.chunk;
         let size = self.info.scalar.bytes();
         match &self.way {
-            Way::Packed(None) => Err(not_unrolled()),
-            Way::Packed(Some(unpacked)) => {
+            ChunkFiles::Packed(None) => Err(not_unrolled()),
+            ChunkFiles::Packed(Some(unpacked)) => {
                 let slab = self.slab(chunk, z % cz);
                 let at = (z % cz - slab.slices.start) * self.slice_bytes() + at;
                 if !self.read_unpacked(unpacked, &slab, at, out)? {
@@ -326,7 +331,7 @@ impl ZarrVolume {
                 }
                 Ok(())
             }
-            Way::Plain(open) => {
+            ChunkFiles::Plain(open) => {
                 let at = z % cz * self.slice_bytes() + at;
                 let Some(file) = self.plain(open, chunk)? else {
                     self.fill(out);
@@ -437,7 +442,7 @@ impl VolumeSource for ZarrVolume {
 
     fn preparation(&self) -> Preparation {
         match &self.way {
-            Way::Packed(None) => Preparation {
+            ChunkFiles::Packed(None) => Preparation {
                 scratch_bytes: self.place_count().saturating_mul(self.place_bytes()),
                 memory_bytes: self.places_bytes(),
                 on_demand: true,
@@ -448,7 +453,7 @@ impl VolumeSource for ZarrVolume {
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let (place_count, places_bytes) = (self.place_count(), self.places_bytes());
-        if let Way::Packed(way @ None) = &mut self.way {
+        if let ChunkFiles::Packed(way @ None) = &mut self.way {
             let memory = workspace.reserve(places_bytes, || self.array.path(self.number, [0; 3]))?;
             let scratch = unnamed(workspace.scratch).map_err(|cause| {
                 SourceError::from(SourceFault::Scratch { path: workspace.scratch.to_path_buf(), cause })
@@ -489,7 +494,7 @@ impl VolumeSource for ZarrVolume {
         let mut span = Vec::new();
         let along =
             |range: &Range<u32>, side| u64::from(range.start) / side..=u64::from(range.end - 1) / side;
-        if let Way::Packed(Some(unpacked)) = &self.way {
+        if let ChunkFiles::Packed(Some(unpacked)) = &self.way {
             // Threads read the same slabs at about the same time: together they unpack those of a row of chunks.
             for chunk in
                 along(&rows, cy).flat_map(|y| along(&cols, cx).map(move |x| [u64::from(z) / cz, y, x]))
@@ -525,8 +530,8 @@ impl VolumeSource for ZarrVolume {
 
     fn resident_bytes(&self) -> u64 {
         match self.way {
-            Way::Plain(_) => 0,
-            Way::Packed(_) => self.unpacking().bytes,
+            ChunkFiles::Plain(_) => 0,
+            ChunkFiles::Packed(_) => self.unpacking().bytes,
         }
     }
 }

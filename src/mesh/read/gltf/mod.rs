@@ -19,7 +19,7 @@ mod posed;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::appearance::{Look, Material, NO_MATERIAL};
+use super::appearance::{Appearance, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop, finite};
 use super::stream::{Stream, mark};
 use super::text::Fan;
@@ -327,7 +327,7 @@ impl Gltf {
             let Some(at) = node.mesh else { return Ok(()) };
             let part = next_part;
             next_part = next_part.saturating_add(1);
-            let each: &mut EachLook<'_> = &mut |t, look| each(t, &Look { part, ..*look });
+            let each: &mut EachLook<'_> = &mut |t, look| each(t, &Appearance { part, ..*look });
             let mesh: &Mesh = item(&self.described.root.meshes, at, "a mesh")?;
             let copies = Copies::of(self, node)?;
             for copy in 0..copies.count {
@@ -463,7 +463,7 @@ fn primitive_triangles(
         let points = positions.corners(t, *faces)?.map(|p| placed.apply(p));
         *faces += 1;
         finite(&points, *faces)?;
-        let mut look = Look { material: prepared.material, ..Look::NONE };
+        let mut look = Appearance { material: prepared.material, ..Appearance::NONE };
         if let Some(normals) = &mut normals {
             look.normals = Some(normals.corners(t, *faces)?.map(|n| single(upright.apply_vector(n))));
         }

@@ -7,7 +7,7 @@ mod materials;
 
 use std::path::Path;
 
-use super::appearance::{Look, NO_MATERIAL};
+use super::appearance::{Appearance, NO_MATERIAL};
 use super::parts::Parts;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words, numbers};
@@ -169,7 +169,7 @@ impl Obj {
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut part = self.parts.each();
         let Some(carried) = &self.carried else {
-            return self.for_each(&mut |t| each(t, &Look { part: part(), ..Look::NONE }));
+            return self.for_each(&mut |t| each(t, &Appearance { part: part(), ..Appearance::NONE }));
         };
         let mut open = LookReader {
             stream: Stream::new(&carried.triangles, 0),
@@ -178,7 +178,7 @@ impl Obj {
             colors: carried.colors.as_ref().map(|colors| Pages::new(colors, FEW_PAGES)),
             face: 0,
         };
-        self.faces.for_each(&mut |t| each(t, &Look { part: part(), ..open.next()? }))
+        self.faces.for_each(&mut |t| each(t, &Appearance { part: part(), ..open.next()? }))
     }
 }
 
@@ -192,7 +192,7 @@ struct LookReader<'a> {
 }
 
 impl LookReader<'_> {
-    fn next(&mut self) -> Result<Look, Stop> {
+    fn next(&mut self) -> Result<Appearance, Stop> {
         let record: [u8; CARRIED] = self.stream.take()?;
         let [p0, p1, p2, n0, n1, n2, v0, v1, v2, material] = numbers(&record);
         self.face += 1;
@@ -206,11 +206,11 @@ impl LookReader<'_> {
         };
         let places = three(&mut self.places, [p0, p1, p2])?;
         let normals = three(&mut self.normals, [n0, n1, n2])?;
-        let mut look = Look {
+        let mut look = Appearance {
             places: places.map(|of| of.map(single).map(|[u, v, _]| [u, v])),
             normals: normals.map(|of| of.map(single)),
             material,
-            ..Look::NONE
+            ..Appearance::NONE
         };
         if let Some(colors) = &mut self.colors {
             // Colours of vertices come before the plain colour of a material.

@@ -16,7 +16,7 @@ mod model;
 
 use std::collections::BTreeMap;
 
-use super::appearance::{Look, Material, NO_MATERIAL};
+use super::appearance::{Appearance, Material, NO_MATERIAL};
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
 use super::stop::{EachLook, Stop, finite};
 use super::stream::{Stream, numbers};
@@ -156,7 +156,7 @@ impl ThreeMf {
             for _ in 0..triangle_count {
                 let corners: [u8; RECORD] = stream.take()?;
                 let mut t: [u32; 3] = numbers(&corners);
-                let mut look = Look { part, ..Look::NONE };
+                let mut look = Appearance { part, ..Appearance::NONE };
                 let mut of = [0; 3];
                 if self.looks {
                     let more: [u8; LOOKED - RECORD] = stream.take()?;

@@ -8,7 +8,7 @@
 //! with it, and the plane's normal replaces the stored one to the extent that the stored one lies in the plane.
 //!
 //! All distances are in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a staircase
-//! whose stored normals are right, and they stay. Memory: [`Surroundings`] for each thread. Cost: a few nanoseconds
+//! whose stored normals are right, and they stay. Memory: [`Neighborhood`] for each thread. Cost: a few nanoseconds
 //! where the stored normal is near the face's, else a look-up of the boxes around, some 0.2 microseconds.
 
 mod plane;
@@ -17,7 +17,7 @@ pub(in crate::render) mod tile;
 use crate::geom::dot;
 use crate::load::ModelView;
 
-use super::neighborhood::Surroundings;
+use super::neighborhood::Neighborhood;
 use crate::render::ray::Face;
 use plane::{Around, nearest_plane};
 
@@ -161,7 +161,7 @@ fn nearness(neighbourhood: Neighbourhood) -> f64 {
 #[inline]
 pub(super) fn shown(
     view: &ModelView<'_>,
-    around: &mut Surroundings,
+    around: &mut Neighborhood,
     face: Face,
     struck: impl FnOnce() -> Struck,
     stored: [f64; 3],
@@ -185,7 +185,7 @@ fn along(face: Face, stored: [f64; 3]) -> f64 {
 /// The normal of a hit whose stored one is doubtful, like [`shown`].
 fn fitted(
     view: &ModelView<'_>,
-    around: &mut Surroundings,
+    around: &mut Neighborhood,
     struck: &Struck,
     stored: [f64; 3],
     neighbourhood: Neighbourhood,
@@ -202,7 +202,7 @@ fn fitted(
 #[inline]
 pub(super) fn scatter_around(
     view: &ModelView<'_>,
-    around: &mut Surroundings,
+    around: &mut Neighborhood,
     struck: &Struck,
 ) -> Option<[f64; 6]> {
     Some(Around::of(view, around, struck)?.scatter())
@@ -263,7 +263,7 @@ mod tests {
     }
 
     fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
-        shown(&tree.view(), &mut Surroundings::new(), hit.face, || hit, stored, Neighbourhood::Calm)
+        shown(&tree.view(), &mut Neighborhood::new(), hit.face, || hit, stored, Neighbourhood::Calm)
     }
 
     #[test]

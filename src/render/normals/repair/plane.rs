@@ -2,19 +2,19 @@
 
 use crate::load::{ModelView, NodeView};
 
-use super::super::neighborhood::{SIDE, Surroundings};
+use super::super::neighborhood::{Neighborhood, SIDE};
 use super::Struck;
 
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
 const FACE_WEIGHT: f64 = 1e-3;
 
-/// Occupancy near a box, from [`Surroundings::window`]: bit `x + 5 y + 25 z`.
+/// Occupancy near a box, from [`Neighborhood::window`]: bit `x + 5 y + 25 z`.
 pub(super) struct Around(pub(super) u128);
 
 impl Around {
     /// The boxes around the hit; `None` where the hit box is not found: a hit's point is rounded, and may fall into a
     /// neighbour.
-    pub(super) fn of(view: &ModelView<'_>, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
+    pub(super) fn of(view: &ModelView<'_>, around: &mut Neighborhood, struck: &Struck) -> Option<Self> {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
