@@ -382,10 +382,11 @@ impl<'a> Normals<'a> {
             let edge_log2 = if seen.kind == HitKind::Voxel { 0 } else { self.lod_edge_log2 };
             let edge = f64::from(1_u32 << edge_log2.min(31));
             let at = self.at(seen, line).map(|c| c / edge);
-            sheet::Struck { number: seen.box_number, at, edge_log2 }
+            sheet::Struck { at, edge_log2 }
         };
         let others = |box_number: u64| self.stored(PixelHit { box_number, ..seen }, 0).map(in_voxels);
-        let shown = sheet::shown(self.view, around, face, struck, in_voxels(stored), others)?;
+        let shown =
+            sheet::shown(self.view, around, (face, seen.box_number), struck, in_voxels(stored), others)?;
         Some(std::array::from_fn(|a| shown[a] / spacing[a]))
     }
 
