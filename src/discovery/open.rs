@@ -16,7 +16,7 @@ use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
 use crate::source::{HEAD_BYTES, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder};
 use crate::synthetic;
 use crate::text::names::{DIMS, DTYPE, GRID, ISO, KEEP_NAMES, RANGE, SCAN, VOLUME, VOXEL};
-use crate::text::shown;
+use crate::text::{Count, shown};
 use crate::volume::{
     FileWatch, ImageKind, InfoOverride, MAX_MASKS, MaskPart, Masks, Note, Overlap, Result, SourceError,
     SourceFault, StatedBy, StatedLabel, VolumeSource, Workspace, place,
@@ -194,17 +194,18 @@ pub(super) fn join_segments(findings: Vec<Finding>, overlap: Overlap) -> Vec<Fin
     if !(2..=MAX_MASKS).contains(&findings.len()) || !findings.iter().all(is_segment) {
         return findings;
     }
-    let Finding { path, id, format, kind, files, burned_in, .. } = &findings[0];
+    let Finding { path, id, format, kind, files, burned_in, body_part, .. } = &findings[0];
     let id = match id.rsplit_once('-') {
         Some((whole, part)) if part.starts_with("segment") => whole.to_owned(),
         _ => id.clone(),
     };
     let (path, kind, more) = (path.clone(), kind.clone(), findings.len() - 1);
-    let (format, files, burned_in) = (*format, *files, *burned_in);
+    let (format, files, burned_in, body_part) = (*format, *files, *burned_in, body_part.clone());
     let map = joined(findings, overlap);
     let size = map.as_ref().ok().map(|map| map.info().dims.to_array());
     let subject = map.map(Subject::Volume);
-    vec![Finding { path, id, format, kind, part: None, size, files, burned_in, at: 0, more, subject }]
+    let part = None;
+    vec![Finding { path, id, format, kind, body_part, part, size, files, burned_in, at: 0, more, subject }]
 }
 
 /// A volume of labels with the names to be stored: the meanings of codes, or typed names.
@@ -441,11 +442,12 @@ impl Chooser {
         }));
         for left in found.left_out().iter().take(NAMED) {
             let first = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            notes.push(Note::new(format!("{} file(s) left out: {} (first: {first})", left.count, left.why)));
+            let files = Count(left.count, "file");
+            notes.push(Note::new(format!("{files} left out: {} (first: {first})", left.why)));
         }
         if found.left_out().len() > NAMED {
             let count: u64 = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
-            notes.push(Note::new(format!("{count} more file(s) left out for other reasons")));
+            notes.push(Note::new(format!("{} left out for other reasons", Count(count, "more file"))));
         }
         if notes.is_empty() {
             return Ok(source);
@@ -478,18 +480,18 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     if let Some(what) = known_folder(first) {
         return known_otherwise(what).at(first).into();
     }
-    let files: u64 = found.left_out().iter().map(|l| l.count).sum();
+    let files = Count(found.left_out().iter().map(|l| l.count).sum::<u64>(), "file");
     let found = match found.left_out() {
         [] => unfit!("the folder holds no file"),
         [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
-            unfit!("none of the {files} file(s) is a volume: {}", only.why)
+            unfit!("no volume is among {files}: {}", only.why)
         }
         several => match several.iter().find(|left| matches!(left.why, NotVolume::SideCar(_))) {
             // The side-car may be the reason why nothing else is a volume.
-            Some(left) => unfit!("none of the {files} file(s) is a volume: {}", left.why),
-            None => unfit!(
-                "no volume is among the {files} file(s); for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}"
-            ),
+            Some(left) => unfit!("no volume is among {files}: {}", left.why),
+            None => {
+                unfit!("no volume is among {files}; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}")
+            }
         },
     };
     found.at(first).into()

@@ -40,10 +40,15 @@ pub fn scan(
     for at in 0..catalogue.len() {
         let turn = claims.turn(at);
         let before = number;
-        for (part, mut finding) in catalogue.open(at).into_iter().enumerate() {
+        let findings = catalogue.open(at);
+        let is_only = findings.len() == 1;
+        for (part, mut finding) in findings.into_iter().enumerate() {
             // Volumes that are passed over have numbers, too.
             number += 1 + finding.more;
             let mut listed = list(before + finding.at + 1, &finding);
+            report.passed_over += finding.more as u64;
+            // Numbers of one subject follow each other where it is alone.
+            listed.more = if is_only { finding.more } else { 0 };
             if let (true, Ok(Subject::Volume(source))) =
                 (values && listed.label_count.is_none(), &mut finding.subject)
             {
@@ -95,6 +100,8 @@ fn list(number: usize, finding: &Finding) -> Listed {
         files: finding.files.count,
         input_bytes: finding.files.bytes,
         copy_of: None,
+        more: 0,
+        body_part: finding.body_part.clone(),
         usable: true,
         reason: None,
         size: None,

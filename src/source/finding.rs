@@ -25,6 +25,8 @@ pub struct Finding {
     pub format: &'static str,
     /// Kind of image, for people: `CT image`, `localizer`, ...; the format again where the kind is unknown.
     pub kind: String,
+    /// Body part examined, as DICOM states it; else empty.
+    pub body_part: String,
     /// Part of its input, for example `echo 2`, where the input holds several volumes.
     pub part: Option<String>,
     /// Size in voxels, as far as the headers state it, also for refused volumes.
@@ -56,6 +58,7 @@ impl Finding {
             id,
             format,
             kind: format.into(),
+            body_part: String::new(),
             part: None,
             size: volume.map(|v| v.info().dims.to_array()),
             files,

@@ -13,7 +13,7 @@ use super::stable_hash::StableHash;
 use crate::fault::{Fault, FaultKind, bad};
 use crate::platform::OsStrExt;
 use crate::text::names::GAPS;
-use crate::text::shown;
+use crate::text::{Count, shown};
 use crate::volume::{GapFill, InfoOverride, Note, VolumeSource};
 
 /// Most numbers of a name that are looked at; names have few.
@@ -49,7 +49,9 @@ impl fmt::Display for NumberGaps {
         match missing {
             Some(slices) => write!(
                 f,
-                "{slices} slice(s) seem to be missing in {places} place(s) among {files} numbered files"
+                "probably missing: {} in {} among {files} numbered files",
+                Count(*slices, "slice"),
+                Count(*places, "place")
             )?,
             None => write!(f, "the numbers of {files} files do not follow each other evenly")?,
         }

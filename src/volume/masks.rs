@@ -9,6 +9,7 @@ use super::{
 };
 use crate::fault::{Fault, bad, usage};
 use crate::geom::Dims;
+use crate::text::Count;
 use crate::text::names::{OVERLAP, VOLUME};
 use crate::volume::Note;
 
@@ -233,14 +234,16 @@ impl Masks {
 pub(crate) fn settle_overlaps(info: &mut VolumeInfo, voxels: u64, overlap: Overlap) -> Result {
     if voxels > 0 && overlap == Overlap::Refuse {
         return Err(usage!(
-            "{voxels} voxel(s) are in several masks; choose which mask wins with {OVERLAP} first or last"
+            "several masks share {}; choose which mask wins with {OVERLAP} first or last",
+            Count(voxels, "voxel")
         )
         .at(path_of(info))
         .into());
     }
     if voxels > 0 {
         info.notes.push(Note::new(format!(
-            "{voxels} voxel(s) are in several masks; they get the label of the {} of these",
+            "several masks share {}; the {} of these masks wins there",
+            Count(voxels, "voxel"),
             if overlap == Overlap::First { "first" } else { "last" }
         )));
     }

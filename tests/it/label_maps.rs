@@ -216,10 +216,13 @@ fn layers_of_a_segmentation_become_one_map_and_overlaps_are_counted() {
             assert_eq!((told, opened.frame().labels[0].color), (vec!["a", "b", "c"], [255, 0, 0]));
             assert_eq!(opened.metadata().spacing_mm, [1.0, 1.0, 2.0]);
             let said = report["warnings"].to_string();
-            assert!(overlaps > 20 && said.contains(&format!("{overlaps} voxel(s) are in several")), "{said}");
+            assert!(
+                overlaps > 20 && said.contains(&format!("several masks share {overlaps} voxels")),
+                "{said}"
+            );
         }
         let refused = ["--labels", "all", "--overlap", "refuse"];
-        command::build(&[&input], &model, &refused).refused(2, &["are in several masks", "--overlap"]);
+        command::build(&[&input], &model, &refused).refused(2, &["several masks share", "--overlap"]);
     }
     // Values keep their numbers where no two segments share one; a value without a segment is not passed over.
     let own = segments.replace("Segment2_LabelValue:=1", "Segment2_LabelValue:=9");
@@ -441,7 +444,7 @@ fn real_segments_have_the_voxels_codes_and_colours_of_the_files_that_they_were_m
     let overlaps = (0..due["GREEN"].0.len()).filter(|i| held(*i) > 1).count();
     assert!(
         overlaps > 0
-            && report["warnings"].to_string().contains(&format!("{overlaps} voxel(s) are in several")),
+            && report["warnings"].to_string().contains(&format!("several masks share {overlaps} voxels")),
         "{report}"
     );
     for (typed, coded) in typed.iter().zip(&coded) {

@@ -337,13 +337,13 @@ fn masks_of_one_grid_become_one_map_and_overlaps_are_counted() {
         assert_eq!(names, ["kidney_left", "liver", "spleen"]);
         let said = report["warnings"].to_string();
         assert!(
-            said.contains(&format!("{overlaps} voxel(s) are in several masks")) && said.contains(policy),
+            said.contains(&format!("several masks share {overlaps} voxels")) && said.contains(policy),
             "{said}"
         );
     }
     let args: Vec<&str> = ["build"].into_iter().chain(paths.iter().map(String::as_str)).collect();
     let build = |extra: &[&str]| oct(&[&args[..], &["-o", &out, "--labels", "all"], extra].concat());
-    build(&["--overlap", "refuse"]).refused(2, &["are in several masks", "--overlap"]);
+    build(&["--overlap", "refuse"]).refused(2, &["several masks share", "--overlap"]);
     assert_eq!(build(&["--volume", "2", "--force"]).code, 0);
     let other = masks(folder.path(), [24, 30, 21], &["other.nii"]);
     let other = text(&other[0].0);
@@ -376,5 +376,5 @@ fn real_masks_and_segments_are_counted_as_their_files_say() {
     assert!(names.len() == 8 && names.contains(&"spleen".to_owned()), "{names:?}");
     let report = oct(&["build", &text(&seg), "-o", &path, "--force", "--labels", "all", "--json"]).json();
     assert_eq!(Model::open(&path).unwrap().frame().labels.len(), 5);
-    assert!(report["warnings"].to_string().contains("are in several masks"), "{report}");
+    assert!(report["warnings"].to_string().contains("several masks share"), "{report}");
 }

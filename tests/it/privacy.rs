@@ -327,7 +327,7 @@ fn thumbnails_of_images_that_may_carry_text_are_made_on_request_only() {
     let warnings = report["warnings"].as_array().unwrap();
     assert_eq!((warnings.len(), pictures()), (1, 1), "{report}");
     let warning = warnings[0].as_str().unwrap();
-    for words in ["5 volume(s)", "secondary capture: 2", "ultrasound: 1", "--thumbnails-of-all"] {
+    for words in ["5 volumes", "secondary capture: 2", "ultrasound: 1", "--thumbnails-of-all"] {
         assert!(warning.contains(words), "{warning}");
     }
     assert!(fs::read_to_string(out.join("index.html")).unwrap().contains("may carry text"));

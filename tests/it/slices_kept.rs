@@ -61,7 +61,7 @@ fn pictures_of_models_are_known_by_what_is_written_in_them() {
     let run = build(&[&st], &st.join("again.oct"), &[]);
     assert_eq!(slices(&run), 5);
     let warnings = run.json()["warnings"].to_string();
-    assert!(warnings.contains("4 file(s) left out: picture of a model"), "{warnings}");
+    assert!(warnings.contains("4 files left out: picture of a model"), "{warnings}");
     // A picture that is given by name is what is meant: its colours are refused, it is not dropped.
     let mut inputs: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     let own = st.join("s6.png");
@@ -82,7 +82,7 @@ fn a_missing_number_is_a_gap() {
     assert_eq!(slices(&build(&[&st], &whole, &[])), 9);
     fs::remove_file(&files[3]).unwrap();
     let model = folder.path().join("m.oct");
-    build(&[&st], &model, &[]).refused(3, &["1 slice(s)", "s3.png", "s5.png", "--gaps fill"]);
+    build(&[&st], &model, &[]).refused(3, &["1 slice in", "s3.png", "s5.png", "--gaps fill"]);
     assert!(!model.exists());
     // Given one by one they are the same files.
     let rest: Vec<&Path> = files.iter().map(PathBuf::as_path).filter(|p| p.exists()).collect();

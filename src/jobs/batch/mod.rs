@@ -53,8 +53,8 @@ use crate::platform::give_back;
 use crate::progress::Progress;
 use crate::scene::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
-use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};
+use crate::text::{Count, data};
 use crate::volume::{Note, Overlap, SourceError, SourceFault, sentences};
 pub(super) use claims::{Claim, Claims};
 use key::{Key, options_fingerprint};
@@ -328,12 +328,13 @@ fn told_of_text(counts: &[u64; BurnedIn::ALL.len()], request: &BatchRequest) -> 
     let all: Vec<String> = BurnedIn::ALL.iter().zip(counts).filter_map(each).collect();
     let thumbnails = match (request.thumbnails, request.thumbnails_of_all) {
         (0, _) => String::new(),
-        (_, true) => "; their thumbnails were asked for".to_owned(),
-        (_, false) => format!("; their thumbnails are left out, {THUMBNAILS_OF_ALL} makes them"),
+        (_, true) => "; thumbnails were asked for".to_owned(),
+        (_, false) => format!("; {THUMBNAILS_OF_ALL} makes thumbnails, which are left out"),
     };
     (volumes > 0).then(|| {
         format!(
-            "the pixels of {volumes} volume(s) may carry text, such as the name of the patient ({}), and their models may show it{thumbnails}",
+            "the pixels of {} may carry text, such as the name of the patient ({}), and models may show it{thumbnails}",
+            Count(volumes, "volume"),
             all.join(", ")
         )
     })
@@ -421,8 +422,8 @@ impl Run<'_> {
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
             item.status = Status::Skipped;
             item.cause = Some(Cause::FewSlices);
-            item.reason =
-                Some(format!("has {slices} slice(s), fewer than {MIN_SLICES} {}", self.request.min_slices));
+            let least = self.request.min_slices;
+            item.reason = Some(format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice")));
             return Named::Settled(item);
         }
         let notes: &[Note] = match &finding.subject {
@@ -764,8 +765,7 @@ pub(super) fn copy_of(name: &str) -> String {
 /// The warning of a volume that has the number `n`, as others have its id.
 pub(super) fn numbered(n: u32) -> String {
     format!(
-        "{} other volume(s) have the same id, and another content: this one is numbered in the order of their paths",
-        n - 1
+        "this is number {n} of the volumes with this id, whose contents differ, in the order of their paths"
     )
 }
 

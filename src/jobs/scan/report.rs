@@ -44,6 +44,12 @@ pub struct Listed {
     /// Sentences about the input: assumptions, parts left out, oddities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<String>>,
+    /// Body part that DICOM states, else empty.
+    #[serde(skip)]
+    pub body_part: String,
+    /// Further numbers of segments that it joins, or of similar volumes that are passed over.
+    #[serde(skip)]
+    pub more: usize,
     /// Kind of input: a volume, a mesh or a tree of solids.
     #[serde(skip)]
     pub subject: SubjectKind,
@@ -76,6 +82,9 @@ pub struct ScanReport {
     pub refused: u64,
     /// Volumes that are copies of others; a batch skips them.
     pub copies: u64,
+    /// Further numbers of segments that maps join, and of similar volumes that are passed over.
+    #[serde(skip)]
+    pub passed_over: u64,
     /// True if values were read, not headers alone; only with `--values`.
     pub pixels_looked_at: bool,
     /// Files that are not volumes, by reason.
@@ -103,9 +112,15 @@ impl Listed {
     pub fn text(&self) -> String {
         let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
         let (input, format) = (shown(&self.input), &self.format);
-        let kind = if self.kind == self.format { String::new() } else { format!(", {}", self.kind) };
-        let head =
-            format!("{:>3}. {input} ({format}{kind}{part}, {})", self.number, Count(self.files, "file"));
+        let kind = [&self.kind, &self.body_part].into_iter();
+        let kind = kind.filter(|kind| !kind.is_empty() && **kind != self.format);
+        let kind: String = kind.map(|kind| format!(", {}", shown(kind))).collect();
+        let more = match self.more {
+            0 => String::new(),
+            more => format!(" to {}", self.number + more),
+        };
+        let (number, files) = (self.number, Count(self.files, "file"));
+        let head = format!("{number:>3}{more}. {input} ({format}{kind}{part}, {files})");
         if let Some(reason) = &self.reason {
             let end = if self.copy_of.is_some() { "skipped" } else { "refused" };
             // The name has the series' number, which the folder does not show.
@@ -121,7 +136,7 @@ impl Listed {
                 let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
                 let labels = self
                     .label_count
-                    .map_or_else(String::new, |labels| format!(", {}", Count(labels, "label")));
+                    .map_or_else(String::new, |labels| format!(", a map of {}", Count(labels, "label")));
                 let size = format!("{x}x{y}x{z} {}{labels}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
                 format!("{head}\n  {size} -> {}\n", self.name)
             }

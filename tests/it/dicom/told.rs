@@ -61,7 +61,7 @@ fn images_that_were_set_apart_are_named_beside_the_gap_they_leave() {
             "; 1 other image of the series was set apart because of a different {words} (first: 4.dcm)"
         );
         assert!(
-            sentence.contains("1 slice(s) seem to be missing") && sentence.contains(&expected),
+            sentence.contains("probably missing: 1 slice in") && sentence.contains(&expected),
             "{sentence}"
         );
     }

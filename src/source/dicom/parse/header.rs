@@ -145,6 +145,8 @@ pub struct DicomHeader {
     pub image_type: String,
     /// Modality, for example `CT`.
     pub modality: String,
+    /// Body Part Examined, for example `CHEST`.
+    pub body_part: String,
     /// Photometric Interpretation, for example `MONOCHROME2`.
     pub photometric: String,
     /// Series Number.
@@ -392,6 +394,7 @@ elements! { |header, value, endian|
     0x0018_9089 => header.gradient = doubles(value, endian),
     0x0020_9241 => header.cardiac_phase = single(value, endian),
     0x0008_0060 => header.modality = text(value),
+    0x0018_0015 => header.body_part = text(value),
     0x0018_0050 => header.slice_thickness = number(value),
     0x0018_0080 => header.repetition_time = number(value),
     0x0018_0081 => header.echo_time = number(value),

@@ -16,7 +16,7 @@ use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions, Subject};
-use crate::text::shown;
+use crate::text::{Count, shown};
 use crate::volume::{Note, Result, SourceError, VolumeSource};
 
 /// Attributes named in one note.
@@ -123,6 +123,7 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[Note], options:
     let subject = volume.map(|v| Subject::Volume(Box::new(v)));
     Finding {
         kind: shared.object.clone(),
+        body_part: shared.body_part.clone(),
         part: Some(part.label.clone()).filter(|label| !label.is_empty()),
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
         burned_in: shared.burned_in,
@@ -219,7 +220,8 @@ fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<Note> {
             more => format!(" and {more} more"),
         };
         notes.push(Note::new(format!(
-            "{images} image(s) that are in the series twice were left out: {}{more}",
+            "{} left out for being in the series twice: {}{more}",
+            Count(images, "image"),
             named.join(", ")
         )));
     }

@@ -7,7 +7,7 @@ use super::axes::count;
 use crate::fault::{Fault, FaultKind, unfit};
 use crate::source::GapPolicy;
 use crate::text::names::GAPS;
-use crate::text::shown;
+use crate::text::{Count, shown};
 use crate::volume::Note;
 
 /// Deviation from the mean below which gaps are even: scanners print positions in micrometres.
@@ -294,7 +294,7 @@ fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> Fault 
     if whole {
         let slices: f64 = gaps.iter().map(|g| multiple(*g) - 1.0).sum();
         let places = gaps.iter().filter(|g| odd(g)).count();
-        text += &format!("{slices} slice(s) seem to be missing in {places} place(s), ");
+        text += &format!("probably missing: {} in {}, ", Count(slices, "slice"), Count(places, "place"));
     }
     text += &format!(
         "first between {} and {}; add the missing slices, give the files of an evenly spaced part, or choose {GAPS} fill or {GAPS} keep",
@@ -332,7 +332,7 @@ mod tests {
         assert!(warned[0].contains("2.00 %"), "{warned:?}");
         let missing = gaps(&[0.0, 5.0, 10.0, 20.0, 35.0]).unwrap_err();
         assert!(
-            missing.contains("3 slice(s) seem to be missing in 2 place(s), first between f2 and f3"),
+            missing.contains("probably missing: 3 slices in 2 places, first between f2 and f3"),
             "{missing}"
         );
         let odd = gaps(&[0.0, 4.0, 8.0, 9.0, 13.0]).unwrap_err();

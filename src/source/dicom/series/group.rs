@@ -213,6 +213,7 @@ pub(crate) struct Shared {
     /// Kind of object, in words.
     pub(crate) object: String,
     pub(crate) modality: String,
+    pub(crate) body_part: String,
     pub(crate) series_uid: String,
     pub(crate) series_number: Option<i32>,
     /// Columns and rows, of a tile in a mosaic.

@@ -341,6 +341,7 @@ fn shared_of(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
         kind: kind_of(&frame.frame_type),
         object: header.kind(),
         modality: header.modality.clone(),
+        body_part: header.body_part.clone(),
         series_uid: header.series_uid.clone(),
         series_number: header.series_number,
         size: mosaic
