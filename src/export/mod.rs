@@ -348,15 +348,13 @@ impl Exporter<'_> {
         Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
     }
 
-    /// All triangles, in memory.
-    pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<Mesh, ExportStop> {
+    /// All triangles in memory, or fewer with their distance in mm.
+    pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<(Mesh, Option<f64>), ExportStop> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let mut mesh =
             self.knowing_inside(bounds, progress, &mut |fates| self.kept(bounds, fates, progress))?;
-        if let Some(most) = self.triangles {
-            mesh.reduced(most, self.voxel_mm(), progress)?;
-        }
-        Ok(mesh)
+        let reduced = self.triangles.map(|most| mesh.reduced(most, self.voxel_mm(), progress)).transpose()?;
+        Ok((mesh, reduced))
     }
 
     fn kept(

@@ -211,7 +211,8 @@ fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec
     }
     if let Some(parts_gone @ 1..) = parts_gone {
         notes.push(format!(
-            "{parts_gone} separate part(s) of the surface were left out, smallest first, to keep to so few triangles"
+            "left out, smallest first, to keep to so few triangles: {} of the surface",
+            Count(parts_gone, "separate part")
         ));
     }
     notes
@@ -419,17 +420,17 @@ fn export_page(
 /// [`Error::Stopped`].
 pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progress) -> Result<Mesh, Error> {
     let path = PathBuf::from(&model.metadata().source.kind);
-    triangles_of(model, &path, ExportRequest::of(ExportForm::Ply), progress)
+    Ok(triangles_of(model, &path, ExportRequest::of(ExportForm::Ply), progress)?.0)
 }
 
 /// [`triangles`] of the model at a path: fewer, or with rules the surfaces of labels, one after the other, which wait in a
-/// temporary file before.
+/// temporary file before. Fewer have a distance in mm from all of them, where it was measured.
 pub(crate) fn triangles_of<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     path: &Path,
     request: ExportRequest<'_>,
     progress: &dyn Progress,
-) -> Result<Mesh, Error> {
+) -> Result<(Mesh, Option<f64>), Error> {
     // All labels together have one surface, which can have fewer triangles.
     let asked = if request.labels.is_empty() { ExportRequest::of(request.form) } else { request };
     refuse_part(model, path, asked)?;
@@ -450,7 +451,8 @@ pub(crate) fn triangles_of<D: AsRef<[u8]> + Sync>(
             return exporter.triangles(progress);
         }
         let all = &model.frame().labels;
-        exporter.label_mesh(all, &wanted, MAX_SMOOTH, &std::env::temp_dir(), progress)?.in_memory()
+        let labels = exporter.label_mesh(all, &wanted, MAX_SMOOTH, &std::env::temp_dir(), progress)?;
+        Ok((labels.in_memory()?, labels.distance_mm()))
     };
     model.unchanged_during(|| mesh().map_err(fault))
 }
@@ -480,7 +482,8 @@ fn warnings(unknown_voxels: u64, is_far: bool) -> impl Iterator<Item = String> {
 /// The warning of enclosed boxes that may be inside or outside.
 pub(super) fn unknown_inside(voxels: u64) -> Option<String> {
     let sentence = format!(
-        "{voxels} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier"
+        "normals do not tell the side of {}; the likelier one was taken",
+        Count(voxels, "enclosed voxel")
     );
     (voxels > 0).then_some(sentence)
 }

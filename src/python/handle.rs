@@ -334,7 +334,7 @@ impl Handle {
         Ok(PyArray1::from_vec(py, met))
     }
 
-    /// Corners, triangles, normals, colours.
+    /// Corners, triangles, normals, colours; distance in mm of fewer triangles.
     fn triangles<'py>(
         &self,
         py: Python<'py>,
@@ -345,7 +345,7 @@ impl Handle {
         let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
         let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];
         let request = ExportRequest { triangles: most, labels, ..ExportRequest::of(ExportForm::Ply) };
-        let mesh = watched(py, progress, |progress| {
+        let (mesh, distance_mm) = watched(py, progress, |progress| {
             check(&self.bytes.0, &self.path)?;
             let mesh = triangles_of(&self.model, &self.path, request, progress);
             check(&self.bytes.0, &self.path)?;
@@ -356,6 +356,7 @@ impl Handle {
         arrays.set_item("faces", PyArray1::from_vec(py, mesh.faces.into_flattened()))?;
         arrays.set_item("normals", PyArray1::from_vec(py, mesh.normals.into_flattened()))?;
         arrays.set_item("colors", PyArray1::from_vec(py, mesh.colors.into_flattened()))?;
+        arrays.set_item("distance", PyArray1::from_iter(py, distance_mm))?;
         Ok(arrays)
     }
 

@@ -180,6 +180,11 @@ impl LabelMesh {
         self.part_of.iter().map(|part| self.parts.counts(*part))
     }
 
+    /// Greatest distance in mm from the fine surfaces, where triangles were left out and it was measured.
+    pub(crate) fn distance_mm(&self) -> Option<f64> {
+        self.made.distance_mm
+    }
+
     /// The surfaces in memory, one after the other.
     ///
     /// # Errors

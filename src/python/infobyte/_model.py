@@ -80,6 +80,8 @@ class Mesh(NamedTuple):
     """N x 3: unit vectors out of the surface; `None` for a model without normals."""
     vertex_colors: NDArray[np.uint8] | None
     """N x 3: sRGB; `None` for a model without colours."""
+    distance: float | None = None
+    """Greatest distance in mm between these triangles and all of them, as measured; `None` where all are here."""
 
     def to_trimesh(self) -> Any:
         """A `trimesh.Trimesh` of the same corners and faces. Needs trimesh."""
@@ -463,7 +465,8 @@ class Model:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
-        as `oct export --triangles`, but no fewer than 4 for a closed body or label. `only`: numbers, ranges or names of labels;
+        as `oct export --triangles`, but no fewer than 4 for a closed body or label; `Mesh.distance` says how far these are
+        from all of them. `only`: numbers, ranges or names of labels;
         instead of the outside of all labels, the closed surface of each of these in its colour, one after the other, with
         walls between neighbours. `progress` as in `build`.
 
@@ -472,9 +475,10 @@ class Model:
         _refuse_no_triangles(triangles)
         with bar(progress) as told:
             arrays = self._handle.triangles(triangles, _labels(only), told)
+        distance = next(iter(arrays.pop("distance").tolist()), None)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
-        return Mesh(three["vertices"], three["faces"], *optional)
+        return Mesh(three["vertices"], three["faces"], *optional, distance)
 
     def to_trimesh(
         self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
