@@ -475,6 +475,8 @@ fn inside(m: &Metadata) -> String {
     } else if s.hi.is_finite() {
         format!("{} .. {} ({})", Short(s.lo), Short(s.hi), kind_name(s.kind))
     } else {
-        format!(">= {} ({})", Short(s.lo), kind_name(s.kind))
+        let otsu = ", not always half-way between two materials: sizes depend on it";
+        let doubt = if s.kind == SelectionKind::Otsu { otsu } else { "" };
+        format!(">= {} ({}{doubt})", Short(s.lo), kind_name(s.kind))
     }
 }

@@ -129,6 +129,9 @@ pub struct PoresReport {
     pub solid_volume_mm3: f64,
     /// Components, or cells, below the resolution.
     pub below_resolution: u64,
+    /// Least diameter that can still be measured.
+    #[serde(skip)]
+    pub resolved_mm: f64,
     /// Number of components left out for their few samples.
     pub below_least: u64,
     /// The largest components, at most 20.
@@ -226,6 +229,7 @@ pub fn pores(
         pore_volume_mm3: of_pores(pore_volume_mm3),
         solid_volume_mm3,
         below_resolution: found.below_resolution,
+        resolved_mm: geometry.resolved_mm(),
         below_least: found.below_least,
         largest: found.largest,
         warnings: unknown_inside(unknown).into_iter().collect(),
@@ -316,6 +320,11 @@ impl Geometry {
         reach
     }
 
+    /// Least diameter that can still be measured.
+    fn resolved_mm(&self) -> f64 {
+        RESOLVED_VOXELS * self.longest_mm
+    }
+
     fn pore(&self, id: u64, component: &Component, is_labelled: bool) -> Pore {
         let samples = count(component.samples);
         let volume_mm3 = samples * self.voxel_mm3;
@@ -331,7 +340,7 @@ impl Geometry {
             equivalent_diameter_mm,
             sphericity: if component.area > 0.0 { (ball_mm2 / component.area).min(1.0) } else { 1.0 },
             samples: component.samples,
-            below_resolution: equivalent_diameter_mm < RESOLVED_VOXELS * self.longest_mm,
+            below_resolution: equivalent_diameter_mm < self.resolved_mm(),
             gap_mm: None,
         }
     }
@@ -439,14 +448,18 @@ impl PoresReport {
         let input = shown(&self.input);
         let solid = Short(self.solid_volume_mm3);
         let small = |what| {
-            let below = Count(self.below_resolution, what);
-            match (self.below_resolution, self.below_least) {
-                (0, 0) => String::new(),
-                (_, 0) => format!("  {below} smaller than three voxels\n"),
-                (_, left) => {
-                    format!("  {below} smaller than three voxels; {left} of fewer samples were left out\n")
-                }
+            let mut text = String::new();
+            if self.below_resolution > 0 {
+                let (below, mm) = (Count(self.below_resolution, what), Short(self.resolved_mm));
+                let _ = writeln!(
+                    text,
+                    "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
+                );
             }
+            if self.below_least > 0 {
+                let _ = writeln!(text, "  {} of fewer voxels left out", Count(self.below_least, what));
+            }
+            text
         };
         match (self.pores, self.porosity, self.pore_volume_mm3) {
             (Some(pores), porosity, Some(volume)) => {

@@ -103,6 +103,9 @@ impl fmt::Display for MeshFacts {
         if *keep_thin {
             f.write_str("; walls thinner than a voxel are kept")?;
         }
+        if parts > files {
+            f.write_str("; parts become one solid, without their names")?;
+        }
         let [x, y, z] = origin_mm.map(|at| length(at, *voxel_mm));
         write!(f, "; voxels of {} mm from {x}, {y}, {z}", length(*voxel_mm, *voxel_mm / 1000.0))
     }

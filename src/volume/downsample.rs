@@ -4,13 +4,17 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::wrapper::owns_source_and_info;
-use super::{Result, Scalar, ScalarType, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use super::{Note, Result, Scalar, ScalarType, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::fault::usage;
 use crate::geom::Dims;
+use crate::text::Short;
 use crate::text::names::DOWNSAMPLE;
 
 /// Samples of the original that are read at a time; 32 KiB of doubles.
 const PIECE: usize = 4096;
+
+/// Ratio of the longest to the shortest spacing from which slices are thick.
+const THICK: f64 = 2.0;
 
 /// Means over blocks of 2^3 or 4^3 voxels.
 ///
@@ -52,6 +56,13 @@ impl<'a> Downsample<'a> {
             row[3] = at;
         }
         info.spacing_mm = info.spacing_mm.map(|mm| mm * wide);
+        let [x, y, z] = info.spacing_mm;
+        if x.max(y).max(z) >= THICK * x.min(y).min(z) {
+            let [x, y, z] = info.spacing_mm.map(Short);
+            info.notes.push(Note::new(format!(
+                "{DOWNSAMPLE} {factor} averages along every axis, thick slices among them: voxels of {x} x {y} x {z} mm"
+            )));
+        }
         info.dims = dims;
         info.description.treatments.push(Treatment::Downsample(factor));
         info.scalar = match info.scalar {

@@ -183,7 +183,9 @@ fn thin_walls_borders_gaps_and_verdicts() {
     assert!((number(&report, "/hausdorff/to_nominal") - 3.0).abs() < 0.1, "{report:#}");
     assert!(number(&report, "/hausdorff/to_actual") < 0.1, "{report:#}");
     let text = oct(&["compare", &hollow, &block, "--radius", "12"]).stdout;
-    assert!(text.contains("Hausdorff distance: 3"), "{text}");
+    assert!(text.contains("Hausdorff distance, one way, from ACTUAL to NOMINAL: 3"), "{text}");
+    let text = oct(&["compare", &hollow, &block, "--radius", "12", "--both-ways"]).stdout;
+    assert!(text.contains("Hausdorff distance, both ways: 3"), "{text}");
     let (code, report) = compared(&[&[one.as_str(), &other, "--tolerance", "1"], &far[..]].concat());
     assert_eq!((code, &report["tolerance"]["verdict"]), (7, &json!("undecided")));
     // A ball that the volume cuts: its caps are not compared.

@@ -58,7 +58,12 @@ fn errors_are_the_same_on_every_run_and_as_they_should_be() {
     let top = &first["experiments"][0];
     assert_eq!((&top["id"], top["rows"].as_array().unwrap().len()), (&"overview".into(), 5), "{top}");
     assert_eq!(row(&first, "overview", "cells (default)")["subject"], "median of 2 bodies");
-    assert!(top["advice"].as_str().unwrap().starts_with("Keep the default, which is off by 0.0"), "{top}");
+    let advice = top["advice"].as_str().unwrap();
+    assert!(advice.starts_with("Keep the default, which is off by 0.0"), "{advice}");
+    assert!(
+        advice.contains(" voxel RMS, ") && advice.contains(" at most") && !advice.contains("mm"),
+        "{advice}"
+    );
 }
 
 #[test]
@@ -141,6 +146,8 @@ fn a_model_is_held_against_its_full_frame() {
     assert!(coarse["depth_rms_voxels"].as_f64().unwrap() > 0.3, "{coarse}");
     assert_eq!(row(&report, "detail_of_frame", "voxels")["subject"], "a.oct");
     assert_eq!(row(&report, "overview", "every voxel (default)")["subject"], "a.oct");
+    let advice = report["experiments"][0]["advice"].as_str().unwrap();
+    assert!(advice.contains(" mm) RMS, ") && advice.contains(" mm) at most"), "{advice}");
 }
 
 #[test]

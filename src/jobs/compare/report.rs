@@ -283,11 +283,12 @@ impl CompareReport {
             );
         }
         if let Some(to_nominal) = self.hausdorff.to_nominal {
-            let back = self.hausdorff.to_actual.map(|mm| format!(", {} mm back", Short(mm)));
+            let back = self.hausdorff.to_actual.map(|mm| format!(" and {} mm back", Short(mm)));
+            let ways = if back.is_some() { "both ways" } else { "one way, from ACTUAL to NOMINAL" };
             let (to, within) = (Short(to_nominal), Short(self.hausdorff.within_mm));
             let _ = writeln!(
                 text,
-                "  Hausdorff distance: {to} mm{}, at corners of cells, too; at most {within} more between the places measured",
+                "  Hausdorff distance, {ways}: {to} mm{}, at corners of cells, too; at most {within} more between the places measured",
                 back.unwrap_or_default()
             );
         }

@@ -125,6 +125,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         }
         progress.advance(1);
     }
+    let mut voxel_mm = None;
     if let Some(path) = &request.model {
         let model = open_model(path)?;
         let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
@@ -132,9 +133,12 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
             rows::join(&mut experiments, found);
         }
         model.check_unchanged(path)?;
+        // Samples of synthetic bodies have no size of their own.
+        let finest = model.metadata().spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
+        voxel_mm = Some(finest).filter(|_| subjects.is_empty());
         progress.advance(1);
     }
-    if let Some(first) = overview::overview(&experiments) {
+    if let Some(first) = overview::overview(&experiments, voxel_mm) {
         experiments.insert(0, first);
     }
     rows::mark_fronts(&mut experiments);

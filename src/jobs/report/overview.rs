@@ -2,7 +2,10 @@
 //!
 //! Several subjects are one: each value is the median over them.
 
+use std::cmp::Ordering;
+
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
+use crate::text::Short;
 
 /// Loss of accuracy, in voxels, that a verdict accepts: less than the cells themselves are off in noise.
 const HARDLY_SEEN: f64 = 0.05;
@@ -35,9 +38,11 @@ const MODEL: [Setting; 5] = [
 ];
 
 /// The first experiment of a report, or nothing if none of its settings was measured.
-pub(super) fn overview(experiments: &[Experiment]) -> Option<Experiment> {
+///
+/// `voxel_mm` is the finest spacing of the only subject, if it has one.
+pub(super) fn overview(experiments: &[Experiment], voxel_mm: Option<f64>) -> Option<Experiment> {
     let (reference, time, rows) = [
-        ("the true surface", 0, BODY),
+        ("the true surface, at the true threshold (Otsu's adds an error of its own)", 0, BODY),
         ("the finest cells, as the true surface is not known", 0, FRAME),
         ("the picture of every voxel", 1, MODEL),
     ]
@@ -53,7 +58,7 @@ pub(super) fn overview(experiments: &[Experiment]) -> Option<Experiment> {
             if time == 0 { "a build" } else { "a ray on one thread" }
         )
         .into(),
-        advice: verdict(&rows, drawn),
+        advice: verdict(&rows, drawn, voxel_mm),
         drawn,
         rows,
         pictures: Vec::new(),
@@ -96,26 +101,37 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// The default, and the cheapest setting that is hardly less accurate, with what it gains and costs.
-fn verdict(rows: &[Row], drawn: Drawn) -> Option<String> {
+fn verdict(rows: &[Row], drawn: Drawn, voxel_mm: Option<f64>) -> Option<String> {
     let usual = rows.iter().find(|row| row.usual)?;
     let rms = |row: &Row| row.errors.get(Metric::DepthRms);
     let time = |row: &Row| row.costs.values()[drawn.cost];
     let (now, most) = (rms(usual)?, rms(usual)? + HARDLY_SEEN);
+    let off = |row: &Row| {
+        let (rms, most) = (rms(row)?, row.errors.get(Metric::DepthMax)?);
+        let mm = |voxels| voxel_mm.map(|mm| format!(" ({} mm)", Short(voxels * mm))).unwrap_or_default();
+        Some(format!("{rms:.3} voxel{} RMS, {most:.2}{} at most", mm(rms), mm(most)))
+    };
     let keep = if now > 0.0 {
-        format!("Keep the default, which is off by {now:.3} voxel (RMS)")
+        format!("Keep the default, which is off by {}", off(usual)?)
     } else {
         "The default is what the others are measured by".into()
     };
     let chosen = rows.iter().rfind(|row| !row.usual && rms(row).is_some_and(|rms| rms <= most));
     let Some(chosen) = chosen else {
-        return Some(format!("{keep}; no other setting comes within {HARDLY_SEEN} voxel of that."));
+        let others = rows.iter().filter(|row| !row.usual);
+        let next = others.min_by(|a, b| rms(a).partial_cmp(&rms(b)).unwrap_or(Ordering::Equal))?;
+        return Some(format!(
+            "{keep}; no other setting comes within {HARDLY_SEEN} voxel of that, {} is off by {}.",
+            next.choice,
+            off(next)?
+        ));
     };
     let percent = |now: Option<f64>, before: Option<f64>| Some(100.0 * now? / before?);
     let bytes = percent(chosen.costs.values()[3], usual.costs.values()[3])?;
     Some(format!(
-        "{keep}; for small files take {}: {:.3} voxel, {bytes:.0} % of the bytes, {:.0} % of the time.",
+        "{keep}; for small files take {}: {}, {bytes:.0} % of the bytes, {:.0} % of the time.",
         chosen.choice,
-        rms(chosen)?,
+        off(chosen)?,
         percent(time(chosen), time(usual))?
     ))
 }
