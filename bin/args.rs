@@ -59,7 +59,7 @@ pub(crate) enum Command {
     /// Show the metadata and measurements of a model (mapped or packed)
     #[command(after_help = examples::INFO)]
     Info(InfoArgs),
-    /// Check every invariant of a model (mapped or packed)
+    /// Check that a model file is undamaged (mapped or packed)
     #[command(after_help = examples::VERIFY)]
     Verify(ModelArgs),
     /// Pack a model for archive and transport; lossless
@@ -68,7 +68,7 @@ pub(crate) enum Command {
     /// Unpack a packed model; gives the original byte for byte
     #[command(after_help = examples::UNPACK)]
     Unpack(PackArgs),
-    /// Leave channels or fine levels out of a model
+    /// Write a smaller model, without some channels or its finest levels
     #[command(after_help = examples::STRIP)]
     Strip(StripArgs),
     /// Write a model as triangles, points or a mask, for other programs, or as a page for a browser
@@ -98,10 +98,10 @@ pub(crate) enum Command {
     /// Show a model in a browser on this machine, until Ctrl-C
     #[command(after_help = examples::VIEW)]
     View(ViewArgs),
-    /// Compare random rays through a model with a slow exact reference
+    /// Check the rays of this machine: random ones through a model, against a slow exact reference
     #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
-    /// Measure and plot the speed and error of every choice
+    /// Measure and plot speed and error of every setting, to choose one
     #[command(after_help = examples::REPORT)]
     Report(ReportArgs),
     /// Print a script that completes commands, options and files in a shell
@@ -226,13 +226,13 @@ pub(crate) struct PoresArgs {
     /// The model of cells (mapped or packed)
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// List separate bodies instead
+    /// List separate bodies of the solid, not pores
     #[arg(long)]
     pub(crate) bodies: bool,
     /// Write a table of all of them
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) csv: Option<PathBuf>,
-    /// Leave out what has fewer voxels
+    /// Leave out pores or bodies of fewer voxels
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) least: u64,
     /// Measure how far each pore is from the outer surface

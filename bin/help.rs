@@ -9,13 +9,15 @@ use crate::args::Cli;
 const COLUMNS: usize = 100;
 
 /// Pages by name, with their subjects.
-const PAGES: [(&str, &str, &str); 7] = [
+const PAGES: [(&str, &str, &str); 9] = [
     ("commands", "all commands, exit codes, streams", include_str!("../src/jobs/COMMANDS.md")),
     ("formats", "what is read: volumes and series", include_str!("../src/source/READING.md")),
-    ("reading", "the same", include_str!("../src/source/READING.md")),
+    ("reading", "another name of formats", include_str!("../src/source/READING.md")),
     ("scenes", "several models in one picture", include_str!("../src/scene/SCENES.md")),
     ("meshes", "triangles as input", include_str!("../src/mesh/MESHES.md")),
     ("solids", "trees of solids as input", include_str!("../src/csg/CSG.md")),
+    ("measuring", "deviation, thickness, pores: how far to trust them", include_str!("../docs/MEASURING.md")),
+    ("synthetic", "bodies whose surface is known", include_str!("../src/synthetic/BODIES.md")),
     ("cleaning", "crop, presets, components", include_str!("../src/clean/CLEANING.md")),
 ];
 
@@ -66,7 +68,7 @@ pub(crate) fn meant(word: &str, known: &[String]) -> Option<String> {
 /// The command line as help shows it; short help has no groups.
 pub(crate) fn command(is_short: bool) -> Command {
     let pages: Vec<String> =
-        PAGES.iter().map(|(name, about, _)| format!("  oct help {name:<10}{about}")).collect();
+        PAGES.iter().map(|(name, about, _)| format!("  oct help {name:<11}{about}")).collect();
     Cli::command().after_help(format!("Pages:\n{}", pages.join("\n"))).mut_subcommands(|command| {
         let name = command.get_name().to_owned();
         let short = SHORT.iter().find(|(of, _)| *of == name).map(|(_, short)| *short);

@@ -85,8 +85,16 @@ fn refuse(e: &clap::Error) -> ExitCode {
         let is_short = std::env::args_os().any(|word| word == "-h");
         let shaped =
             help::command(is_short).try_get_matches().err().filter(|shaped| shaped.kind() == e.kind());
-        let _ = shaped.as_ref().unwrap_or(e).print();
-        return if is_missing { ExitCode::from(ExitKind::Usage.code()) } else { ExitCode::SUCCESS };
+        let text = shaped.as_ref().unwrap_or(e).render().to_string();
+        let text = text.replace(
+            "this message or the help of the given subcommand(s)",
+            "this, the help of a command, or a page",
+        );
+        if is_missing {
+            let _ = write!(io::stderr(), "{text}");
+            return ExitCode::from(ExitKind::Usage.code());
+        }
+        return put(&text).unwrap_or(ExitCode::FAILURE);
     }
     let given: Vec<_> = std::env::args_os().skip(1).collect();
     if let Some(page) = help::page(&given.iter().filter_map(|word| word.to_str()).collect::<Vec<_>>()) {
@@ -116,6 +124,9 @@ fn meant(e: &clap::Error, oct: &clap::Command, command: Option<&clap::Command>) 
     };
     let (word, known) = match e.kind() {
         ErrorKind::UnknownArgument => {
+            if let Some(flag) = command.and_then(apart_from_value) {
+                return Some(format!("; a text for --{flag} is written with =, as in --{flag}='My text'"));
+            }
             let own = flags(command.unwrap_or(oct)).into_iter();
             (e.get(ContextKind::InvalidArg)?, own.chain(["--help".to_owned()]).collect())
         }
@@ -141,6 +152,17 @@ fn meant(e: &clap::Error, oct: &clap::Command, command: Option<&clap::Command>) 
         _ => having.concat(),
     };
     Some(format!("; {flag} is an option of {having}"))
+}
+
+/// An option of a command whose value may be left out, and that was given with a word after it instead of `=`.
+fn apart_from_value(command: &clap::Command) -> Option<&str> {
+    let words: Vec<_> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    let is_apart = |flag: &&str| {
+        let mut pairs = words.windows(2);
+        pairs.any(|pair| pair[0].strip_prefix("--") == Some(*flag) && !pair[1].starts_with('-'))
+    };
+    let optional = command.get_arguments().filter(|arg| arg.is_require_equals_set());
+    optional.filter_map(clap::Arg::get_long).find(is_apart)
 }
 
 /// The first paragraph of clap's output, which describes the error; usage and hints follow after an empty line.
@@ -384,15 +406,23 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         if report.copies > 0 {
             text += &format!(", {} skipped as copies", report.copies);
         }
+        if report.passed_over > 0 {
+            text += &format!(", {} joined or passed over as similar", report.passed_over);
+        }
         text += if report.usable + report.refused == 0 {
             NOTHING_FOUND
         } else if args.values {
             "; values were read, too\n"
         } else {
-            "; only headers were read, so that damaged pixels, or none inside, show in the batch\n"
+            "; only headers were read: --values also finds damaged pixels, and label maps that no header states\n"
         };
         for LeftOutCount { reason, count, first } in &report.left_out {
-            text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
+            text += &format!(
+                "  {} left out: {} (first: {})\n",
+                Count(*count, "file"),
+                shown(reason),
+                shown(first)
+            );
             if *count > 1 && reason == NOT_VOLUME {
                 text += "    headerless slices are taken with a side-car: NAME.json beside the folder NAME, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}\n";
             }

@@ -28,7 +28,11 @@ pub(crate) fn print_picture(
         true => NO_HIT_IN_SCENE,
         false => NO_HIT,
     };
-    let warnings = if picture.hits == 0 { vec![sentence.to_owned()] } else { Vec::new() };
+    let mut warnings = if picture.hits == 0 { vec![sentence.to_owned()] } else { Vec::new() };
+    if picture.unlisted > 0 {
+        let labels = Count(picture.unlisted, "more label");
+        warnings.push(format!("the legend has no room for {labels}; a higher picture (--size) lists them"));
+    }
     let report = PictureReport::new(input, output, picture, warnings);
     let text = || {
         let p = &report.picture;

@@ -44,7 +44,7 @@ pub(crate) struct CompareArgs {
     /// Greatest deviation that conforms, in mm, or the least and the greatest
     #[arg(long, value_name = "MM|LO..HI", allow_hyphen_values = true, value_parser = parse::tolerance)]
     pub(crate) tolerance: Option<[f64; 2]>,
-    /// Farthest counterpart, in mm; a twentieth of NOMINAL's diagonal by default
+    /// Farthest distance at which a counterpart is looked for, in mm; a twentieth of NOMINAL's diagonal by default
     #[arg(long, value_name = "MM", value_parser = parse::positive)]
     pub(crate) radius: Option<f64>,
     /// Greatest angle between the normals of a place and its counterpart, in degrees
@@ -71,7 +71,7 @@ pub(crate) struct CompareArgs {
     /// Inside of inputs that are volumes are values of V and more; by Otsu's method by default
     #[arg(long, value_name = "V", allow_hyphen_values = true, value_parser = parse::number)]
     pub(crate) iso: Option<f64>,
-    /// Peak resident memory while inputs are built that are no models
+    /// Peak resident memory while a volume or mesh given as input is built
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     #[command(flatten)]

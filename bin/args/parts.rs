@@ -18,7 +18,7 @@ pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) build: BuildArgs,
     /// Number of parts; cut at multiples of 128 voxels along z, then along y
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_PARTS)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_PARTS)), help_heading = None)]
     pub(crate) parts: u32,
 }
 

@@ -26,7 +26,7 @@ pub(crate) enum Shade {
     Stored,
     /// Plain light by normals blended between the boxes around a hit
     Blended,
-    /// No light: colours as they are, which a legend of values tells; usual for models with measured values
+    /// No light: colours as in the legend of values; the default for models with measured values
     Flat,
 }
 
@@ -58,10 +58,10 @@ pub(crate) struct RenderArgs {
     /// Named view; by default the scene's camera, or front
     #[arg(long, value_parser = parse::views(), conflicts_with = "eye")]
     pub(crate) view: Option<NamedView>,
-    /// Position of the eye in mm (LPS)
+    /// Position of the eye in mm (LPS), which looks at --look-at
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "look_at")]
     pub(crate) eye: Option<[f64; 3]>,
-    /// Point in the middle of the picture, in mm (LPS)
+    /// Point in the middle of the picture, in mm (LPS), as seen from --eye; --view frames the model by itself
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "eye")]
     pub(crate) look_at: Option<[f64; 3]>,
     /// Direction that is up in the picture
@@ -99,7 +99,7 @@ pub(crate) struct RenderArgs {
     pub(crate) opacity: Vec<parse::Picks>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
-    /// Stop at nodes about as small as a pixel instead of at voxels
+    /// Trace down to boxes about as small as a pixel, not to voxels: faster, less exact
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub(crate) lod: Switch,
     /// With --lod on: boxes 2^N times as large, smaller if N is negative
@@ -143,7 +143,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "TEXT", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub(crate) title: Option<String>,
     /// List colours and names of the visible labels on the right, the largest first; for a scene also its models
-    /// without labels. Of measured values: the bar of their colours, with numbers, unit and tolerance
+    /// without labels. Of measured values: the bar of their colours, with numbers, unit and tolerance. A higher --size has room for more
     #[arg(long)]
     pub(crate) legend: bool,
     /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the

@@ -27,11 +27,11 @@ pub(crate) struct BuildCommand {
     pub(crate) build: BuildArgs,
     /// Build in parts of 128 slices, in a folder next to the output with .parts added to its name; an interrupted
     /// build continues from the parts that exist, and the report is that of merge
-    #[arg(long)]
+    #[arg(long, help_heading = None)]
     pub(crate) resume: bool,
     /// Also write one model per label into this folder, named after the label; without --output, only these. The
     /// volume is read once
-    #[arg(long, value_name = "FOLDER", requires = "labels", conflicts_with = "resume")]
+    #[arg(long, value_name = "FOLDER", requires = "labels", conflicts_with = "resume", help_heading = None)]
     pub(crate) each: Option<PathBuf>,
 }
 
@@ -234,7 +234,7 @@ pub(crate) struct SelectionArgs {
     /// Inside are values from LO to HI, both included
     #[arg(long, value_name = "LO..HI", group = "selection", allow_hyphen_values = true, value_parser = parse::range)]
     pub(crate) range: Option<[f64; 2]>,
-    /// Choose the threshold by Otsu's method (the default)
+    /// Choose the threshold by Otsu's method (the default); it may move the surface by a tenth of a voxel: `oct help formats`
     #[arg(long, group = "selection")]
     pub(crate) otsu: bool,
 }
@@ -363,7 +363,8 @@ pub(crate) struct CleanArgs {
     /// Use a part of the volume: voxel indices from X0 to X1 - 1, and so on
     #[arg(long, value_name = "X0..X1,Y0..Y1,Z0..Z1", value_parser = parse::roi)]
     pub(crate) roi: Option<parse::Roi>,
-    /// Make the volume 2 or 4 times smaller along each axis, by averaging blocks; each pass still reads all of it
+    /// Make the volume 2 or 4 times smaller along each axis, by averaging blocks; thick slices are averaged, too. Each pass
+    /// still reads all of it
     #[arg(long, value_name = "2|4", value_parser = parse::downsample)]
     pub(crate) downsample: Option<u32>,
     /// Inside is a tissue by its range in HU (CT only): bone 226 and more, compact-bone 662 and more, teeth 1550

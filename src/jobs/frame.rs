@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::format::Label;
 
@@ -23,6 +24,8 @@ pub(super) struct Frame {
     /// The colours of values, in place of labels.
     ramp: Option<Ramp>,
     columns: u32,
+    /// Most labels that the legend of a picture had no room for.
+    unlisted: AtomicUsize,
 }
 
 impl Frame {
@@ -42,7 +45,7 @@ impl Frame {
             _ => 0,
         };
         let (legend, ramp) = (legend.filter(|_| columns > 0), ramp.filter(|_| columns > 0));
-        Self { size, style, ground, title, legend, ramp, columns }
+        Self { size, style, ground, title, legend, ramp, columns, unlisted: AtomicUsize::new(0) }
     }
 
     /// Width and height of the picture without title and legend.
@@ -61,6 +64,11 @@ impl Frame {
         self.legend.is_some() || self.ramp.is_some()
     }
 
+    /// Most labels that the legend of a picture had no room for.
+    pub(super) fn unlisted(&self) -> usize {
+        self.unlisted.load(Ordering::Relaxed)
+    }
+
     /// The strip above a picture with these layers.
     pub(super) fn title(&self, like: &Image) -> Option<Image> {
         Some(self.style?.title(like, self.title.as_deref()?))
@@ -74,6 +82,8 @@ impl Frame {
             let is_seen = |key: &Seen| seen.is_none_or(|seen| seen.contains(key));
             let entries: Vec<Entry> =
                 legend.iter().filter(|(key, _)| is_seen(key)).map(|(_, entry)| entry.clone()).collect();
+            let unlisted = entries.len() - style.fitting(entries.len(), image.height);
+            self.unlisted.fetch_max(unlisted, Ordering::Relaxed);
             image = style.legend(&image, self.columns, &entries);
         }
         captioned(self.title(&image), image)

@@ -206,6 +206,7 @@ pub fn render_file(
             report.unwrap_or_default()
         };
         [report.width, report.height] = whole;
+        report.unlisted = frame.unlisted();
         report.bytes_touched = if relief.gave_back() { None } else { scene.bytes_touched() };
         Ok(report)
     })

@@ -183,6 +183,9 @@ pub struct RenderReport {
     pub depth_near_mm: f64,
     /// Depth in mm of grey 65535: depth = near + (grey - 1) / 65534 * (far - near).
     pub depth_far_mm: f64,
+    /// Labels that the legend had no room for.
+    #[serde(skip)]
+    pub unlisted: usize,
 }
 
 impl RenderReport {
@@ -453,6 +456,7 @@ impl Prepared {
             bytes_touched: None,
             depth_near_mm: self.range_mm.0,
             depth_far_mm: self.range_mm.1,
+            unlisted: 0,
         }
     }
 }

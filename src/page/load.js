@@ -118,7 +118,11 @@ function showLegend() {
     const {name, unit, sign, range: [low, high], colors} = page.model.head.quantity, [bar, ticks, text] = $('legend').children;
     $('legend').hidden = !page.view.colors;
     bar.style.background = `linear-gradient(to right, ${colors.map(color => `rgb(${color})`)})`;
-    [...ticks.children].forEach((tick, i) => { tick.textContent = +(low + i / 2 * (high - low)).toPrecision(3); });
+    [...ticks.children].forEach((tick, i) => {
+        // The colours of the ends are also those of values beyond.
+        const beyond = i === 2 ? '≥ ' : i === 0 && low ? '≤ ' : '';
+        tick.textContent = beyond + +(low + i / 2 * (high - low)).toPrecision(3);
+    });
     text.textContent = `${name}, ${unit}${sign && ` (${sign})`}`;
 }
 

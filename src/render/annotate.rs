@@ -101,7 +101,14 @@ impl Ramp {
         (0..TICKS).map(move |tick| {
             let part = f64::from(tick) / f64::from(TICKS - 1);
             let value = lo + part * (hi - lo);
-            (Short(if value.abs() < 1e-12 * (hi - lo) { 0.0 } else { value }).to_string(), part)
+            let number = Short(if value.abs() < 1e-12 * (hi - lo) { 0.0 } else { value });
+            // The colours of the ends are also those of values beyond.
+            let beyond = match tick {
+                0 if lo != 0.0 => "≤ ",
+                _ if tick == TICKS - 1 => "≥ ",
+                _ => "",
+            };
+            (format!("{beyond}{number}"), part)
         })
     }
 }
@@ -187,6 +194,13 @@ impl Style {
         sheet.bar(camera.pixel_mm(height, depth_mm));
         sheet.cube(camera);
         sheet.image
+    }
+
+    /// Number of so many entries that fit into the rows of a legend, with a line for the number of the others.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "lines of a picture")]
+    pub(crate) fn fitting(self, entries: usize, rows: u32) -> usize {
+        let fitting = ((f64::from(rows) - self.em) / (LINE_EMS * self.em)) as usize;
+        if entries > fitting { fitting.saturating_sub(1) } else { entries }
     }
 
     /// A picture with a legend on its right, `columns` wide: as many entries as fit, and the number of the others.
@@ -396,13 +410,12 @@ impl Sheet {
     }
 
     /// Swatches and names from the top.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
+    #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
     fn legend(&mut self, entries: &[Entry]) {
         let (em, ink) = (self.style.em, self.style.ink);
         let Some(letters) = Letters::new(em) else { return };
         let line = LINE_EMS * em;
-        let fitting = ((f64::from(self.image.height) - em) / line) as usize;
-        let shown = if entries.len() > fitting { fitting.saturating_sub(1) } else { entries.len() };
+        let shown = self.style.fitting(entries.len(), self.image.height);
         let (side, room) = (em.round() as i64, f64::from(self.image.width) - 2.25 * em);
         for (number, entry) in entries.iter().take(shown).enumerate() {
             let top = (0.5 * em + number as f64 * line).round() as i64;

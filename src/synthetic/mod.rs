@@ -1,34 +1,6 @@
 //! Volumes that are computed, not read: bodies whose true surface is known, and a head.
 //!
-//! `synthetic:NAME@N?key=value,key=value` is an input like a file, for every command that takes a volume:
-//!
-//! ```text
-//! synthetic:torus@192?noise=0.025          a torus with 2.5 % noise, 192 voxels a side
-//! synthetic:sphere@192?spacing=1x1x6,slab=1   a ball in slices 6 times as thick as their pixels, which they average
-//! synthetic:box@256x256x128?sample=binary  a label map
-//! ```
-//!
-//! | body | shape | its parameters, with lengths in samples of the finest spacing |
-//! |---|---|---|
-//! | `sphere` | a ball | `radius` |
-//! | `ellipsoid` | | `radii=AxBxC`, `turn=XxYxZ` in degrees about x, then y, then z |
-//! | `torus` | | `ring`, `tube`, `turn` |
-//! | `box` | with sharp edges, turned | `edges=AxBxC`, `turn` |
-//! | `slab` | between two planes, through the whole volume | `thickness` (6), `turn` |
-//! | `gyroid` | one half of the gyroid | `period` |
-//! | `marschner-lobb` | Marschner and Lobb's test signal (1994), from 1/2 on | `frequency` (6), `depth` (0.25) |
-//! | `menger` | Menger's sponge | `levels` |
-//! | `checkerboard`, `comb`, `salt` | every other cube; plates joined at last; cubes by chance | `cell` (1); for salt `share` (0.01) |
-//! | `head` | a CT-like head in Hounsfield units ([`SyntheticHead`]) | none |
-//!
-//! | sampling | |
-//! |---|---|
-//! | `sample` | `density`, 0 in air and 1 in the body with the surface at 1/2, or `binary`: 1 inside, 0 outside |
-//! | `psf` | standard deviation of the point spread in samples of the finest spacing: 0.8 |
-//! | `slab` | thickness that a slice averages, as a part of the distance between slices: 0 |
-//! | `noise`, `seed` | standard deviation of noise as a part of the step: 0; start of the random sequence: 1 |
-//! | `bits` | bits of a sample: 16; 4 to 16, or 32 for single precision |
-//! | `spacing` | in mm: 1x1x1. With `@N`, a coarser axis has proportionally fewer samples |
+#![doc = include_str!("BODIES.md")]
 //!
 //! [`AnalyticVolume`] gives the true surface along with the samples.
 //!

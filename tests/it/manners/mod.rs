@@ -10,6 +10,7 @@
 //! | `dashes` | `-` is standard input or output, or refused; names that say otherwise are refused |
 //! | `folders` | what `scan` says, `batch` does; its options; what it tells |
 //! | `manual` | completions, manual pages, examples |
+//! | `newcomers` | what users stumbled over on their first day |
 //! | `sentences` | messages that once did not help |
 
 use crate::prelude::*;
@@ -19,6 +20,7 @@ mod folders;
 mod json;
 mod manual;
 mod measures;
+mod newcomers;
 mod pictures;
 mod sentences;
 
