@@ -10,7 +10,7 @@ times=${1:-20}
 [[ $times =~ ^[1-9][0-9]*$ ]] || { echo "'$times' is not a number of times; give 1 or more" >&2; exit 2; }
 export INFOBYTE_LONG=$times
 tests=(hard_cases oracle traversal visible light_leaks mesh_containers mesh_foreign volumes export larger_leaves parts batch page
-    damage label_maps mutations)
+    damage label_maps memory picture_memory build_same_bytes cleaning mutations)
 # Mutations fill disks and kill the command, and are in the program of processes.
 program_of() { [ "$1" = mutations ] && echo process || echo it; }
 

@@ -23,27 +23,21 @@ fn build(input: &[PathBuf], output: &Path, extra: &[&str]) -> command::Run {
     command::build(input, output, &[&["--json"], extra].concat())
 }
 
-/// Builds with every budget and thread count, and holds all files to the first.
+/// Builds with budgets and thread counts, and holds all files to the first.
 fn same_at(raw: &Path, dims: [u32; 3], extra: &[&str], budgets: &[&str], threads: &[&str]) -> Vec<Value> {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("m.oct");
     let size = dims.map(|n| n.to_string()).join("x");
     let mut reports = Vec::new();
     let mut first: Option<Vec<u8>> = None;
-    for budget in budgets {
-        for count in threads {
-            let mut args = vec!["--dims", &size, "--dtype", "i16", "--memory", budget, "--threads", count];
-            args.extend(extra);
-            let report = build(&[raw.to_path_buf()], &output, &args).json();
-            let bytes = fs::read(&output).unwrap();
-            match &first {
-                None => first = Some(bytes),
-                Some(first) => {
-                    assert!(*first == bytes, "{size} at {budget} with {count} threads differs: {report}");
-                }
-            }
-            reports.push(report);
-        }
+    for (budget, count) in caps_and_threads(budgets, threads) {
+        let mut args = vec!["--dims", &size, "--dtype", "i16", "--memory", budget, "--threads", count];
+        args.extend(extra);
+        let report = build(&[raw.to_path_buf()], &output, &args).json();
+        let bytes = fs::read(&output).unwrap();
+        let is_same = *first.get_or_insert_with(|| bytes.clone()) == bytes;
+        assert!(is_same, "{size} at {budget} with {count} threads differs: {report}");
+        reports.push(report);
     }
     reports
 }
@@ -100,7 +94,7 @@ fn narrow_tiles_of_a_wide_volume_give_the_same_file() {
         let smallest = smallest_budget(&refusal.stderr);
         let reports = same_at(&raw, dims, extra, &[smallest, "10MiB", "64MiB", "1GiB"], &["1", "2"]);
         let tiles: Vec<u64> = reports.iter().map(|r| number(r, "tile_columns")).collect();
-        assert!(tiles[0] < 2600 && tiles[7] == 5000, "{tiles:?}");
+        assert!(tiles[0] < 2600 && tiles.last() == Some(&5000), "{tiles:?}");
     }
 }
 

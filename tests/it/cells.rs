@@ -5,7 +5,7 @@
 
 use crate::prelude::*;
 use infobyte::format::cell::{CORNERS, at_corner};
-use infobyte::load::{CellShape, Fault};
+use infobyte::load::CellShape;
 use infobyte::render::reference::walk;
 
 /// Builds a model of cells, or of skin, of values of 128 and more.
@@ -290,24 +290,7 @@ fn i18_corners_and_their_directory() {
     let items = model.items(Channel::Offset).unwrap();
     let announced = items.bytes().iter().filter(|o| **o == 0x80).count() as u64;
     assert!(announced > 10);
-    let changed = |kind: SectionKind, change: &dyn Fn(&mut [u8])| {
-        let mut file = whole.clone();
-        let frame = Frame::read(&file[..]).unwrap();
-        let mut sections = frame.sections.clone();
-        let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
-        let range = entry.offset as usize..entry.end() as usize;
-        change(&mut file[range.clone()]);
-        (entry.stored_crc, entry.content_crc) =
-            (crc32c::crc32c(&file[range.clone()]), crc32c::crc32c(&file[range]));
-        let table = table_bytes(&sections);
-        let header = Header { table_crc: crc32c::crc32c(&table), ..frame.header };
-        file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
-        file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-        match verify(&file[..]) {
-            Err(Fault::Format(fault)) => fault,
-            other => panic!("{other:?}"),
-        }
-    };
+    let changed = |kind, change: &dyn Fn(&mut [u8])| fault_of(&with_section(&whole, kind, change));
     let offsets = SectionKind::Voxels(Channel::Offset);
     let first = items.bytes().iter().position(|o| *o == 0x80).unwrap();
     let fault = changed(offsets, &|bytes| bytes[first] = 5);
@@ -323,17 +306,9 @@ fn i18_corners_and_their_directory() {
         assert!(matches!(fault, FormatError::IllegalItem { channel: Channel::Corners, .. }), "{fault:?}");
     }
     // A model of skin voxels does not have them.
-    let mut file = whole.clone();
-    let frame = Frame::read(&file[..]).unwrap();
-    let header = Header { surface: SurfaceKind::Skin, ..frame.header };
-    file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-    match Frame::read(&file[..]) {
-        Err(Fault::Format(fault)) => {
-            let due = "a model of skin voxels has the corners section";
-            assert!(fault.to_string().contains(due), "{fault}");
-        }
-        other => panic!("{other:?}"),
-    }
+    let skin = forged(&whole, |frame, _| frame.header.surface = SurfaceKind::Skin);
+    let fault = fault_of(&skin);
+    assert!(fault.to_string().contains("a model of skin voxels has the corners section"), "{fault}");
 }
 
 #[test]

@@ -119,13 +119,8 @@ fn a_file_that_grows_under_the_command_ends_it_without_a_model() {
     let file = File::create(&raw).unwrap();
     file.set_len(nx * ny * nz).unwrap();
     file.write_all_at(&[200; 256], 100 * nx * ny).unwrap();
-    let mut child = Command::new(binary())
-        .args(["build", &text(&raw), "-o", &text(&output), "--dims", "256x256x4000", "--dtype", "u8"])
-        .args(["--iso", "100", "--threads", "1", "--quiet"])
-        .stdin(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let layout = ["--dims", "256x256x4000", "--dtype", "u8", "--iso", "100", "--threads", "1", "--quiet"];
+    let mut child = started(&[&["build", &text(&raw), "-o", &text(&output)], &layout[..]].concat());
     // An open file alone may not have been looked at yet: grown then, it has its new length from the beginning.
     wait_for(&mut child, |pid| {
         let read = fs::read_to_string(format!("/proc/{pid}/io")).unwrap_or_default();
@@ -160,13 +155,7 @@ fn model_of(folder: &Path) -> PathBuf {
 
 /// Runs a command on a model, does something to the model once it is mapped, and gives back what was said.
 fn disturbed(model: &Path, args: &[&str], disturb: &dyn Fn(&Path)) -> (Option<i32>, String) {
-    let mut child = Command::new(binary())
-        .args(args)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child = started(args);
     let real = text(&model.canonicalize().unwrap());
     wait_for(&mut child, |pid| {
         fs::read_to_string(format!("/proc/{pid}/maps")).is_ok_and(|maps| maps.contains(&real))

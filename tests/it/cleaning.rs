@@ -128,21 +128,19 @@ fn a_table_that_touches_the_body_stays_and_is_reported_as_one_component() {
     assert_eq!((number(cleaning, "kept"), number(cleaning, "voxels_removed")), (1, screws));
 }
 
-/// Builds with every budget and thread count, the smallest budget included, and holds all files to the first.
+/// Builds with budgets and thread counts, the smallest budget included, and holds all files to the first.
 fn same_everywhere(raw: &Path, dims: [i32; 3], dtype: &str, extra: &[&str]) {
     let output = raw.with_extension("oct");
     let refusal = build(raw, &output, dims, dtype, &[extra, &["--memory", "1MiB"]].concat());
     refusal.refused(4, &["--memory"]);
     let smallest = smallest_budget(&refusal.stderr).to_owned();
     let mut first: Option<Vec<u8>> = None;
-    for budget in [&*smallest, "64MiB", "1GiB"] {
-        for threads in ["1", "2", "5"] {
-            let args = [extra, &["--memory", budget, "--threads", threads]].concat();
-            let report = build(raw, &output, dims, dtype, &args).json();
-            assert!(number(&report, "peak_rss_bytes") <= number(&report, "memory_budget_bytes"), "{report}");
-            let bytes = fs::read(&output).unwrap();
-            assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "{budget} {threads} {report}");
-        }
+    for (budget, threads) in caps_and_threads(&[&*smallest, "64MiB", "1GiB"], &["1", "2", "5"]) {
+        let args = [extra, &["--memory", budget, "--threads", threads]].concat();
+        let report = build(raw, &output, dims, dtype, &args).json();
+        assert!(number(&report, "peak_rss_bytes") <= number(&report, "memory_budget_bytes"), "{report}");
+        let bytes = fs::read(&output).unwrap();
+        assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "{budget} {threads} {report}");
     }
     assert_eq!(oct(&["verify", &text(&output)]).code, 0);
 }

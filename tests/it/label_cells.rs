@@ -6,8 +6,7 @@ use crate::labels::{built_alike, map};
 use crate::prelude::*;
 use crate::scene_command::samples;
 use infobyte::builder::LabelChoice;
-use infobyte::format::{FormatError, SectionKind, Walls};
-use infobyte::load::{Fault, Frame};
+use infobyte::format::Walls;
 
 fn options(choice: &LabelChoice, memory: u64, threads: usize) -> BuildOptions {
     BuildOptions {
@@ -226,44 +225,26 @@ fn i22_cells_between_labels() {
     infobyte::build(&volume, &options(&LabelChoice::All, 64 << 20, 1), &path).unwrap();
     let file = std::fs::read(&path).unwrap();
     let frame = Frame::read(&file[..]).unwrap();
-    let place = |kind| {
+    let content = |kind| {
         let entry = frame.section(kind).unwrap();
-        (entry.offset as usize, entry.stored_bytes as usize)
+        &file[entry.offset as usize..entry.end() as usize]
     };
     let refused = |kind: SectionKind, at: usize, value: u8| {
-        let mut wrong = file.clone();
-        let (start, len) = place(kind);
-        assert!(at < len && wrong[start + at] != value);
-        wrong[start + at] = value;
-        let mut sections = frame.sections.clone();
-        let entry = sections.iter_mut().find(|entry| entry.kind == Some(kind)).unwrap();
-        entry.stored_crc = crc32c::crc32c(&wrong[start..start + len]);
-        entry.content_crc = entry.stored_crc;
-        let table = infobyte::format::table_bytes(&sections);
-        let header = infobyte::format::Header { table_crc: crc32c::crc32c(&table), ..frame.header };
-        wrong[64..64 + table.len()].copy_from_slice(&table);
-        wrong[..64].copy_from_slice(&header.to_bytes());
-        match verify(&wrong[..]) {
-            Err(Fault::Format(fault)) => fault,
-            other => panic!("{other:?}"),
-        }
+        assert_ne!(content(kind)[at], value);
+        fault_of(&with_section(&file, kind, |bytes| bytes[at] = value))
     };
     let offsets = SectionKind::Voxels(Channel::Offset);
     let corners = SectionKind::Voxels(Channel::Corners);
-    let (start, len) = place(offsets);
-    let offset = |cell: usize| file[start + cell];
-    let plane = (0..len).find(|cell| offset(*cell) != 0x80).unwrap();
+    let own = content(offsets);
+    let plane = own.iter().position(|offset| *offset != 0x80).unwrap();
     let walls = |fault: FormatError| assert!(fault.to_string().contains("walls do not agree"), "{fault}");
     // The other parity, and another label of a corner.
-    walls(refused(offsets, plane, offset(plane) ^ 1));
-    let (at, _) = place(corners);
+    walls(refused(offsets, plane, own[plane] ^ 1));
     walls(refused(corners, 0, 9));
     // An odd offset of a second plane, or bytes behind octants.
-    let fault = refused(corners, 17, file[at + 17] | 1);
+    let fault = refused(corners, 17, content(corners)[17] | 1);
     assert!(matches!(fault, FormatError::IllegalItem { channel: Channel::Corners, .. }), "{fault:?}");
     // Neither the encoding without labels nor labels without the encoding.
-    let mut plain = file.clone();
-    let header = infobyte::format::Header { walls: false, ..frame.header };
-    plain[..64].copy_from_slice(&header.to_bytes());
+    let plain = forged(&file, |frame, _| frame.header.walls = false);
     assert!(Frame::read(&plain[..]).is_err());
 }

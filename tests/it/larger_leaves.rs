@@ -183,40 +183,21 @@ fn i19_larger_leaves_and_their_directory() {
     let folder = tempfile::tempdir().unwrap();
     let model = built(&folder.path().join("m"), &bodies(40)[0].1, 0.1, 64, 1);
     let whole = model.bytes().to_vec();
-    let damaged = |change: &dyn Fn(&mut Header), kind: SectionKind, of_section: &dyn Fn(&mut [u8])| {
-        let mut file = whole.clone();
-        let frame = Frame::read(&file[..]).unwrap();
-        let mut sections = frame.sections.clone();
-        let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
-        let range = entry.offset as usize..entry.end() as usize;
-        of_section(&mut file[range.clone()]);
-        (entry.stored_crc, entry.content_crc) =
-            (crc32c::crc32c(&file[range.clone()]), crc32c::crc32c(&file[range]));
-        let table = table_bytes(&sections);
-        let mut header = Header { table_crc: crc32c::crc32c(&table), ..frame.header };
-        change(&mut header);
-        file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
-        file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-        match verify(&file[..]) {
-            Err(Fault::Format(fault)) => fault,
-            other => panic!("{other:?}"),
-        }
-    };
-    let keep = |_: &mut Header| {};
+    let damaged = |kind, change: &dyn Fn(&mut [u8])| fault_of(&with_section(&whole, kind, change));
     let nodes = model.section_bytes(SectionKind::Nodes).unwrap();
     let first = nodes.iter().position(|b| *b == 0).unwrap();
-    let found = damaged(&keep, SectionKind::LeafRank, &|bytes| bytes[0] = 1);
+    let found = damaged(SectionKind::LeafRank, &|bytes| bytes[0] = 1);
     assert_eq!(found, FormatError::LeafRank { block: 0, due: 0 });
     for (kind, leaf) in [(SectionKind::LeafNormals, 0), (SectionKind::LeafOffsets, 1)] {
-        let found = damaged(&keep, kind, &|bytes| bytes[leaf as usize] = 0x80);
+        let found = damaged(kind, &|bytes| bytes[leaf as usize] = 0x80);
         assert_eq!(found, FormatError::IllegalLeaf { leaf });
     }
     // A node above that has no children, and a leaf that gets one.
     for (at, infobyte) in [(0, 0), (first, 1)] {
-        let found = damaged(&keep, SectionKind::Nodes, &|bytes| bytes[at] = infobyte);
+        let found = damaged(SectionKind::Nodes, &|bytes| bytes[at] = infobyte);
         assert!(matches!(found, FormatError::RankMismatch { .. }), "{found:?}");
     }
-    let apart = damaged(&|header| header.leaves = false, SectionKind::Nodes, &|_| {});
+    let apart = fault_of(&forged(&whole, |frame, _| frame.header.leaves = false));
     assert!(apart.to_string().contains("number of nodes"), "{apart}");
     // Without cells the bit is unknown.
     let mut file = whole.clone();

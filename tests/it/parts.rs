@@ -109,7 +109,12 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
     let half = ["--surface", "skin", "--downsample", "2"];
     type Row<'a> = (&'a [&'a str], [u32; 3], ScalarType, &'a [u32]);
     let table: [Row<'_>; 11] = [
-        (&["--surface", "skin"], [150, 270, 300], U16, &[1, 2, 3, 7, if long() > 1 { 256 } else { 40 }]),
+        (
+            &["--surface", "skin"],
+            [150, 270, 300],
+            U16,
+            if long() > 1 { &[1, 2, 3, 7, 256] } else { &[1, 3, 40] },
+        ),
         (&cells, [150, 270, 300], I16, if long() > 1 { &[1, 2, 3, 7, 64] } else { &[2, 7] }),
         // Cells reach one further than samples.
         (&cells, [40, 128, 256], U8, &[2, 3, 7]),
@@ -154,7 +159,7 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
     use ScalarType::{F32, F64, I8, I16, I32, U8, U16};
     let skin = ["--surface", "skin"];
     let half = ["--surface", "skin", "--downsample", "2"];
-    let cut = ["--surface", "cells", "--roi", "3..80,0..190,10..290"];
+    let cut = ["--surface", "cells", "--roi", "3..50,0..130,10..290"];
     let table: [(&[&str], ScalarType, u32); 9] = [
         (&skin, U8, 1),
         (&skin, I8, 3),
@@ -167,7 +172,7 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
         (&["--surface", "cells"], F64, if long() > 1 { 300 } else { 24 }),
     ];
     for (options, scalar, count) in table {
-        let job = Job::new([90, 200, 300], scalar, options);
+        let job = Job::new([60, 140, 300], scalar, options);
         let whole = job.whole();
         let plan = job.plan(count);
         let wide = ["extremes", "histogram"];
@@ -552,13 +557,7 @@ fn parts_and_merges_that_are_killed_leave_nothing_and_the_bytes_are_the_same_in_
     let victims: Vec<u32> = (0..kills - kills / 5).map(|_| random.below(parts)).collect();
     let mut killed = 0;
     let mut kill = |args: &[&str]| {
-        let mut child = Command::new(binary())
-            .args(args)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut child = started(args);
         sleep(Duration::from_millis(random.below(60)));
         let _ = child.kill();
         killed += u32::from(child.wait().unwrap().code().is_none());
@@ -600,13 +599,7 @@ fn a_build_that_is_killed_goes_on_from_its_parts() {
         let mut random = Random(5);
         let (mut most, mut tries) = (0, 0_u64);
         while !job.path("all.oct").exists() {
-            let mut child = Command::new(binary())
-                .args(&arguments)
-                .stdin(Stdio::null())
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .spawn()
-                .unwrap();
+            let mut child = started(&arguments);
             // Longer each time, so that it ends on any machine.
             tries += 1;
             sleep(Duration::from_millis(5 + random.below(20 + 10 * tries)));

@@ -3,12 +3,13 @@
 pub(crate) use crate::common::assembled::{AssembledVoxel, OptionalSections, assemble};
 pub(crate) use crate::common::bodies::Scan;
 pub(crate) use crate::common::command::{
-    Run, SYSTEM_MIB, binary, measured_build, names, oct, shell, smallest_budget, text,
+    Run, SYSTEM_MIB, binary, measured_build, names, oct, shell, smallest_budget, started, text,
 };
 pub(crate) use crate::common::containers::{archive, glb};
 pub(crate) use crate::common::counting::{Taken, measured};
 pub(crate) use crate::common::data::real_data;
 pub(crate) use crate::common::dicom::{Elements, Image, Syntax, Writer, firsts, mosaic};
+pub(crate) use crate::common::forged::{fault_of, forged, with_section};
 pub(crate) use crate::common::formats::{
     Object, Tiff, amira, file, gzip, metaimage, mrc, nifti, npy, nrrd, pngs, vgi, vtk, zlib,
 };
@@ -26,13 +27,14 @@ pub(crate) use crate::common::random::Random;
 pub(crate) use crate::common::scenes::{
     Garbage, Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane,
 };
-pub(crate) use crate::common::slabs::{nearest_by_slabs, nearest_ideal};
 pub(crate) use crate::common::system::{ExitStatusExt, FileExt, OsStrExt, latin1, symlink};
+pub(crate) use crate::common::tempfile::{self, TempDir};
 pub(crate) use crate::common::traverse::{first_hit, first_hit_sealed};
 pub(crate) use crate::common::vectors::{cross, dot, unit};
 pub(crate) use crate::common::volume::{MemoryVolume, write_raw};
 pub(crate) use crate::common::{
-    FULL, NORMALS, bodies, command, containers, data, dicom, formats, long, meshes, metadata, scenes, volume,
+    FULL, NORMALS, bodies, caps_and_threads, command, containers, data, dicom, formats, long, meshes,
+    metadata, scenes, volume,
 };
 pub(crate) use infobyte::budget::{Budget, peak_rss_bytes};
 pub(crate) use infobyte::builder::{BuildError, ViewedFrom};
@@ -79,4 +81,3 @@ pub(crate) use std::process::{Command, Stdio};
 pub(crate) use std::sync::atomic::{AtomicU64, Ordering};
 pub(crate) use std::thread::sleep;
 pub(crate) use std::time::{Duration, Instant};
-pub(crate) use tempfile::TempDir;

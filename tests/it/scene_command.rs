@@ -5,7 +5,7 @@ use crate::prelude::*;
 
 /// A folder with a ball, a cube and a ring.
 fn folder() -> TempDir {
-    let folder = TempDir::new().unwrap();
+    let folder = tempfile::tempdir().unwrap();
     for (name, body) in
         [("ball", "sphere@32"), ("cube", "box@32?edges=26x26x26,turn=0x0x0"), ("ring", "torus@32")]
     {
@@ -207,7 +207,7 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
 /// A volume of two values, each with its colour; by the preset it is as bone is.
 #[test]
 fn colours_come_from_what_the_volume_holds() {
-    let folder = TempDir::new().unwrap();
+    let folder = tempfile::tempdir().unwrap();
     // Soft below, hard above.
     let raw: Vec<u8> = (0..16_u32 * 16 * 16)
         .map(|i| [i % 16, i / 16 % 16, i / 256])

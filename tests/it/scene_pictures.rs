@@ -32,7 +32,7 @@ fn solid(half: f64, spacing: f64, surface: SurfaceKind, depth: impl Fn([f64; 3])
         threads: 1,
         ..BuildOptions::default()
     };
-    let folder = TempDir::new().unwrap();
+    let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("solid.oct");
     infobyte::build(&volume, &options, &path).unwrap();
     Model::open(&path).unwrap()
@@ -144,7 +144,7 @@ fn normals_at_silhouettes_are_not_negated() {
             threads: 1,
             ..BuildOptions::default()
         };
-        let folder = TempDir::new().unwrap();
+        let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("ball.oct");
         infobyte::build(&volume, &options, &path).unwrap();
         let model = Model::open(&path).unwrap();

@@ -1,8 +1,8 @@
 //! The promise: the traversal's first hit is the exact one. If this file fails, pictures differ between
 //! machines, rays slip between touching voxels, or a ray never returns.
 //!
-//! Every ray is compared with a walk over plain bits in exact rationals that knows no octree; small volumes
-//! also with the intersection of the ray with every skin voxel. The rays that others stumbled over are in
+//! Every ray is compared with a walk over plain bits in exact rationals that knows no octree, and that walk with the
+//! intersection of the ray with every skin voxel, by the oracle of `oracle`. The rays that others stumbled over are in
 //! `hard_cases`.
 
 use crate::common::scenes as support;
@@ -10,6 +10,7 @@ use crate::hard_cases::rays::hard_scenes;
 use crate::prelude::*;
 use crate::{cells, larger_leaves};
 
+use infobyte::render::ray::Face;
 use infobyte::render::selfcheck::{Random, mismatches, tile_mismatches};
 
 /// Volumes of every kind that traversals were seen to fail on.
@@ -67,11 +68,18 @@ pub(crate) fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Op
     want
 }
 
+/// The first of some cells, by looking at every one, and the face by which the ray enters it.
+fn first_of(ray: &Ray, cells: &[[u32; 3]]) -> Option<([u32; 3], Option<Face>)> {
+    let hit = ExactRay::of_fixed(ray).first_of(cells.iter().copied())?;
+    let face = |axis: usize| Face::new(axis, ray.direction()[axis] < 0);
+    Some((hit.cell, hit.axis.map(face).or(ray.entry())))
+}
+
 /// Rays alone, in batches, for any hit, and in tiles, by every instruction set, against the reference.
 fn conforms(name: &str, view: &ModelView<'_>, bits: &BitVolume, seed: u64) -> Mismatches {
     let times = u64::from(long());
     let counts =
-        mismatches(view, bits, 30_000 * times, seed).plus(tile_mismatches(view, 25_000 * times, seed));
+        mismatches(view, bits, 15_000 * times, seed).plus(tile_mismatches(view, 12_500 * times, seed));
     assert_eq!(counts.total(), 0, "{name} (seed {seed}): {counts:?}");
     counts
 }
@@ -90,7 +98,7 @@ fn every_entry_and_instruction_set_hits_the_voxels_of_the_reference() {
         all = all.plus(conforms(&scene.name, &scene.tree.view(), &scene.bits, 1000 + i as u64));
     }
     println!("{all:?}");
-    assert!(all.rays >= 1_000_000 && all.hits > all.rays / 5 && all.tile_rays > 1_000_000, "{all:?}");
+    assert!(all.rays >= 500_000 && all.hits > all.rays / 5 && all.tile_rays > 500_000, "{all:?}");
 }
 
 #[test]
@@ -118,46 +126,7 @@ fn every_entry_and_instruction_set_hits_the_larger_leaves_of_the_reference() {
 }
 
 #[test]
-fn parallel_bundles_hit_what_the_reference_hits() {
-    let scenes = [
-        Scene::skin("torus 64", [64; 3], |c| in_torus(c, 64)),
-        plane("plane".into(), 64, [1.0, 1.0, 0.0]),
-        Scene::set("checkerboard", [16; 3], |[x, y, z]| (x + y + z) % 2 == 0),
-    ];
-    let mut counts = Mismatches::default();
-    for scene in &scenes {
-        let side = f64::from(1_u32 << scene.tree.depth());
-        for direction in [
-            [1.0, 0.0, 0.0],
-            [0.0, -1.0, 0.0],
-            [0.0, 0.0, 1.0],
-            [1.0, 1.0, 0.0],
-            [-1.0, 0.0, 1.0],
-            [1.0, -1.0, 1.0],
-            [2.0, 1.0, -1.0],
-            [0.3, -0.7, 0.1],
-        ] {
-            // A lattice of origins in half cells, so that half of the rays run along edges and corners.
-            for i in 0..80 {
-                for j in 0..80 {
-                    let (u, v) = (f64::from(i) * side / 80.0, f64::from(j) * side / 80.0);
-                    let at: [f64; 3] = [u, v, side / 2.0];
-                    let origin = std::array::from_fn(|a| {
-                        at[(a + i as usize) % 3] - 2.0 * side * direction[a] * f64::from(i % 2)
-                    });
-                    if let Some(ray) = Ray::new(scene.tree.depth(), origin, direction, 0.0).unwrap() {
-                        counts.compare(&scene.tree.view(), &scene.bits, &ray);
-                    }
-                }
-            }
-        }
-    }
-    assert_eq!(counts.total(), 0, "{counts:?}");
-    assert!(counts.hits > 40_000, "{counts:?}");
-}
-
-#[test]
-fn walk_and_slabs_are_of_one_opinion() {
+fn walk_and_oracle_are_of_one_opinion() {
     let scenes = [
         noise("noise 1 %", [16; 3], 0.01, 7),
         noise("noise 10 %", [16; 3], 0.1, 8),
@@ -167,77 +136,16 @@ fn walk_and_slabs_are_of_one_opinion() {
     let mut random = Random::new(11);
     let (mut rays, mut hits) = (0, 0);
     for scene in &scenes {
-        for _ in 0..20_000 {
+        for _ in 0..400 * long() {
             let Some(ray) = random_ray(&mut random, scene.tree.depth()) else { continue };
-            let walked = reference::walk(&scene.bits, &ray, false, |_| {});
-            let slabs = nearest_by_slabs(scene.cells.iter().copied(), &ray);
-            assert_eq!(walked, slabs, "{} {ray:?}", scene.name);
+            let walked = reference::walk(&scene.bits, &ray, false, |_| {}).map(|hit| (hit.cell, hit.face));
+            let truth = first_of(&ray, &scene.cells);
+            assert_eq!(walked, truth, "{} {ray:?}", scene.name);
             rays += 1;
-            hits += u32::from(slabs.is_some());
+            hits += u32::from(truth.is_some());
         }
     }
-    assert!(rays > 40_000 && hits > 10_000, "{rays} rays, {hits} hits");
-}
-
-#[test]
-fn quantising_a_ray_rarely_changes_its_hit_and_never_by_far() {
-    // Ideal rays: origins in units of 2^-30 cell, also outside the grid, directions of 2^-40. Their exact
-    // hits are compared with those of the quantised rays; traversal itself has no part in the difference.
-    let scene = Scene::skin("ball", [32; 3], |c| in_ball(c, 32));
-    let (unit, fine) = ((1_i64 << 30) as f64, (1_i64 << 40) as f64);
-    let mut random = Random::new(77);
-    let (mut rays, mut hits, mut other, mut far) = (0_u32, 0_u32, 0_u32, 0_u32);
-    for _ in 0..30_000 {
-        let origin = [0; 3].map(|_| (random.range(-32.0, 64.0) * unit).round() / unit);
-        let goal = [0.0; 3].map(|_: f64| random.range(0.0, 32.0));
-        let direction: [f64; 3] = std::array::from_fn(|a| ((goal[a] - origin[a]) * fine).round() / fine);
-        #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
-        let whole = |v: [f64; 3], unit: f64| v.map(|v| (v * unit) as i128);
-        let ideal = nearest_ideal(
-            scene.cells.iter().copied(),
-            whole(origin, unit),
-            whole(direction, fine),
-            1 << 30,
-            None,
-        );
-        let ray = Ray::new(5, origin, direction, 0.0).unwrap();
-        let hit = ray.and_then(|ray| first_hit(&scene.tree, &ray, 0).hit).map(|h| h.cell);
-        rays += 1;
-        hits += u32::from(hit.is_some());
-        if hit != ideal.map(|h| h.cell) {
-            other += 1;
-            if let (Some(a), Some(b)) = (hit, ideal) {
-                far += u32::from((0..3).any(|i| a[i].abs_diff(b.cell[i]) > 1));
-            }
-        }
-    }
-    println!(
-        "quantised against ideal: {rays} rays, {hits} hits, {other} differ, {far} by more than a neighbour"
-    );
-    assert!(hits > 15_000 && other <= rays / 3_000 && far == 0, "{rays} {hits} {other} {far}");
-}
-
-#[test]
-fn random_rays_turn_with_the_scene() {
-    let scene = noise("noise 3 %", [32; 3], 0.03, 21);
-    let mut random = Random::new(22);
-    for symmetry in Symmetry::all() {
-        let turned =
-            Scene::new("turned", [32; 3], scene.cells.iter().map(|c| symmetry.cell(*c, 32)).collect());
-        for _ in 0..2_000 {
-            // Multiples of 2^-16 turn without rounding; the rest of the set-up is symmetric.
-            let origin = [0; 3].map(|_| (random.range(-40.0, 70.0) * 65536.0).round() / 65536.0);
-            let direction = [0; 3].map(|_| random.range(-1.0, 1.0));
-            let hit = |scene: &Scene, o, d| {
-                let ray = Ray::new(5, o, d, 0.0).unwrap()?;
-                sealed_hit(&scene.tree, &ray, 0);
-                first_hit(&scene.tree, &ray, 0).hit.map(|h| (h.cell, h.t))
-            };
-            let straight = hit(&scene, origin, direction).map(|(c, t)| (symmetry.cell(c, 32), t));
-            let after = hit(&turned, symmetry.point(origin, 32.0), symmetry.vector(direction));
-            assert_eq!(after, straight, "{symmetry:?} {origin:?} {direction:?}");
-        }
-    }
+    assert!(rays > 800 && hits > 200, "{rays} rays, {hits} hits");
 }
 
 #[test]
@@ -360,7 +268,7 @@ fn damaged_trees_neither_panic_nor_hold_a_ray() {
 
 #[test]
 fn the_deepest_grid_is_walked_exactly() {
-    // 65536 cells a side cannot be decoded; the slabs of a few voxels can be.
+    // 65536 cells a side have no plain bits; a few voxels can be looked at one by one.
     let mut random = Random::new(31);
     let cells: Vec<[u32; 3]> =
         (0..300).map(|_| [0; 3].map(|_| 32_700 + u32::try_from(random.bits() % 64).unwrap())).collect();
@@ -368,7 +276,7 @@ fn the_deepest_grid_is_walked_exactly() {
     let codes: Vec<u64> = cells.iter().map(|c| infobyte::geom::morton::encode(c[0], c[1], c[2])).collect();
     let tree = MemoryTree::new(dims, &codes).unwrap();
     let mut hits = 0;
-    for i in 0..3_000 {
+    for i in 0..1000 * long() as usize {
         let goal = cells[i % cells.len()].map(f64::from);
         let goal = goal.map(|v| v + if i % 3 == 0 { 0.5 } else { random.unit() });
         let mut origin = [0.0; 3].map(|_: f64| random.range(-1e5, 2e5));
@@ -379,9 +287,9 @@ fn the_deepest_grid_is_walked_exactly() {
         let Some(ray) = Ray::new(16, origin, direction, 0.0).unwrap() else { continue };
         let trace = first_hit(&tree, &ray, 0);
         sealed_hit(&tree, &ray, 0);
-        let want = nearest_by_slabs(cells.iter().copied(), &ray);
-        assert_eq!(trace.hit.map(|h| (h.cell, h.face)), want.map(|h| (h.cell, h.face)), "{ray:?}");
+        let want = first_of(&ray, &cells);
+        assert_eq!(trace.hit.map(|h| (h.cell, h.face)), want, "{ray:?}");
         hits += u32::from(want.is_some());
     }
-    assert!(hits > 2_000, "{hits}");
+    assert!(hits > 600 * long(), "{hits}");
 }

@@ -3,7 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 use serde_json::Value;
 
@@ -85,6 +85,12 @@ pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
     let args = with_caps(args);
     let (first, rest) = args.split_at(args.len().min(1));
     Run::of(&Command::new(binary()).args(first).args(skin).args(rest).stdin(Stdio::null()).output().unwrap())
+}
+
+/// Starts `oct` with arguments as they are; what it says on stderr is kept.
+pub(crate) fn started<S: AsRef<OsStr>>(args: &[S]) -> Child {
+    let mut command = Command::new(binary());
+    command.args(args).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 /// `oct build INPUTS -o OUTPUT EXTRA`.

@@ -9,6 +9,7 @@ pub(crate) mod containers;
 pub(crate) mod counting;
 pub(crate) mod data;
 pub(crate) mod dicom;
+pub(crate) mod forged;
 pub(crate) mod formats;
 pub(crate) mod frames;
 pub(crate) mod memory_tree;
@@ -18,9 +19,9 @@ pub(crate) mod oracle;
 pub(crate) mod random;
 pub(crate) mod scenes;
 pub(crate) mod schema;
-pub(crate) mod slabs;
 #[allow(unused_imports, reason = "each program uses its own part")]
 pub(crate) mod system;
+pub(crate) mod tempfile;
 pub(crate) mod traverse;
 pub(crate) mod vectors;
 pub(crate) mod volume;
@@ -33,6 +34,18 @@ use infobyte::format::{Metadata, SourceMeta, normal};
 /// How many times as much is tried as in a usual run, where random rays, volumes and bytes are: `INFOBYTE_LONG`, or 1.
 pub(crate) fn long() -> u32 {
     std::env::var("INFOBYTE_LONG").ok().map_or(1, |n| n.parse().expect("INFOBYTE_LONG is a number of times"))
+}
+
+/// Pairs of a cap and a number of threads: each cap, each number, and half of their pairs; all of them with
+/// `INFOBYTE_LONG`, as `scripts/long.sh` sets it.
+pub(crate) fn caps_and_threads<'a, C: Copy>(caps: &[C], threads: &[&'a str]) -> Vec<(C, &'a str)> {
+    let is_line = caps.len().min(threads.len()) == 1;
+    let mut pairs = Vec::new();
+    for (i, cap) in caps.iter().enumerate() {
+        let some = threads.iter().enumerate().filter(|(k, _)| (i + k) % 2 == 0 || is_line || long() > 1);
+        pairs.extend(some.map(|(_, count)| (*cap, *count)));
+    }
+    pairs
 }
 
 /// Normals and coarse means, no values.

@@ -83,8 +83,11 @@ hard_cases! {
         "Hits behind the eye are shown, or the walls around it are lost where the main axis of a ray changes.",
         "the paper, section 3 (a limit along the main axis lets hits behind the eye through)" => {
         let model = hollow();
-        // In the middle, near a corner, off every axis: each ray meets the wall from within.
-        for eye in [[15.5, 15.5, 15.5], [6.1, 6.2, 6.3], [25.4, 7.0, 16.0]] {
+        // Near a corner, off every axis, on a corner, an edge and a face of voxels and in the middle of one, in a wall: each
+        // ray meets the wall from within.
+        let anywhere = [[6.1, 6.2, 6.3], [25.4, 7.0, 16.0], [15.5, 15.5, 26.2]];
+        let between = [[15.5; 3], [15.0, 15.5, 15.5], [15.0, 15.0, 15.5], [15.0; 3]];
+        for eye in anywhere.into_iter().chain(between) {
             for look_at in [[100.0, 15.0, 15.0], [0.0, 0.0, 0.0], [15.5, -80.0, 31.0], [40.0, 40.0, -40.0]] {
                 let report = look(&model, eye, look_at, None).unwrap();
                 assert_eq!(report.hits, report.rays, "{eye:?} {look_at:?}");
