@@ -42,7 +42,7 @@ fn a_build_allocates_no_more_than_it_has_reserved() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("m.oct");
     for (dims, scalar) in [
-        ([700, 70, 40], ScalarType::U8),
+        ([700, 66, 20], ScalarType::U8),
         ([65, 100, 70], ScalarType::U16),
         ([2500, 36, 8], ScalarType::F32),
         ([300, 60, 40], ScalarType::F64),

@@ -55,8 +55,8 @@ fn held_to(model: &Path, folder: &Path, size: &str, threads: &str, extra: &[&str
 #[test]
 fn pictures_keep_to_their_cap() {
     let folder = tempfile::tempdir().unwrap();
-    let side = if is_slow() { 192 } else { 384 };
-    let (skin, cells) = (noise(folder.path(), side, "skin"), noise(folder.path(), side, "cells"));
+    let [of_skin, of_cells] = if is_slow() { [192, 128] } else { [384; 2] };
+    let (skin, cells) = (noise(folder.path(), of_skin, "skin"), noise(folder.path(), of_cells, "cells"));
     let packed = folder.path().join("packed.oct");
     assert_eq!(oct(&["pack", &text(&skin), "-o", &text(&packed)]).code, 0);
     // Larger than what is kept of it, so that pages do come and go.
@@ -70,37 +70,33 @@ fn pictures_keep_to_their_cap() {
     let wide = if is_slow() { "16384x9" } else { "16384x2048" };
     held_to(&skin, folder.path(), wide, "1", &[]);
     held_to(&cells, folder.path(), wide, "2", &[]);
+    every_kind_keeps_to_it(folder.path(), &skin);
+    flat_ones_need_no_more_than_they_touch(folder.path(), &skin);
 }
 
-#[test]
-fn pictures_of_every_kind_keep_to_their_cap() {
-    let folder = tempfile::tempdir().unwrap();
-    let model = noise(folder.path(), if is_slow() { 192 } else { 384 }, "skin");
-    let layer = |name: &str| text(&folder.path().join(name));
+fn every_kind_keeps_to_it(folder: &Path, model: &Path) {
+    let layer = |name: &str| text(&folder.join(name));
     let layers = ["--depth", &layer("d.png"), "--normals", &layer("n.png"), "--ids", &layer("i.png")];
-    held_to(&model, folder.path(), "300x300", "2", &layers);
-    held_to(&model, folder.path(), "200x200", "2", &["--shading", "blended"]);
-    held_to(&model, folder.path(), "64x64", "2", &["--shading", "ao"]);
-    held_to(&model, folder.path(), "300x300", "1", &["--lod", "on"]);
-    held_to(&model, folder.path(), "300x200", "2", &["--contact"]);
-    held_to(&model, folder.path(), "200x200", "2", &["--turntable", "2"]);
+    held_to(model, folder, "300x300", "2", &layers);
+    held_to(model, folder, "200x200", "2", &["--shading", "blended"]);
+    held_to(model, folder, "64x64", "2", &["--shading", "ao"]);
+    held_to(model, folder, "300x300", "1", &["--lod", "on"]);
+    held_to(model, folder, "300x200", "2", &["--contact"]);
+    held_to(model, folder, "200x200", "2", &["--turntable", "2"]);
 }
 
 /// A picture of one row sees little, and no picture more than the model has.
-#[test]
-fn flat_pictures_need_no_more_than_what_they_touch() {
-    let folder = tempfile::tempdir().unwrap();
-    let model = noise(folder.path(), if is_slow() { 192 } else { 384 }, "skin");
-    let whole = fs::metadata(&model).unwrap().len();
-    let output = text(&folder.path().join("picture.png"));
+fn flat_ones_need_no_more_than_they_touch(folder: &Path, model: &Path) {
+    let whole = fs::metadata(model).unwrap().len();
+    let output = text(&folder.join("picture.png"));
     for size in ["1024x1", "1x1024", "1024x1024"] {
-        let refused = oct(&["render", &text(&model), "-o", &output, "--size", size, "--memory", "2MiB"]);
+        let refused = oct(&["render", &text(model), "-o", &output, "--size", size, "--memory", "2MiB"]);
         refused.refused(4, &["too small for this picture"]);
         let least = parse_size(smallest_budget(&refused.stderr)).unwrap();
         // The program, a band of the picture, and all of the model.
         assert!(least < 12 * MIB + whole, "{size}: {least}");
     }
-    held_to(&model, folder.path(), "1024x1", "2", &[]);
+    held_to(model, folder, "1024x1", "2", &[]);
 }
 
 /// What is given back comes again, and shows the same.
@@ -112,7 +108,7 @@ fn a_cap_changes_no_pixel() {
     for light in ["blended", "soft", "ao"] {
         let render = |name: &str, cap: &[&str]| {
             let output = text(&folder.path().join(name));
-            let common = ["render", &text(&model), "-o", &output, "--size", "150x250", "--shading", light];
+            let common = ["render", &text(&model), "-o", &output, "--size", "100x170", "--shading", light];
             oct(&[&common[..], cap].concat())
         };
         let refused = render("none.png", &["--memory", "1MiB"]);
@@ -143,7 +139,7 @@ fn a_batch_with_thumbnails_keeps_to_its_cap() {
         fs::write(at(&format!("in/{side}.json")), sidecar).unwrap();
     }
     let allowed = if is_slow() { 5 * MIB } else { 0 };
-    for (cap, jobs) in [("16MiB", "2"), ("64MiB", "8")] {
+    for (cap, jobs) in [("16MiB", "2"), ("64MiB", "8")].into_iter().take(if long() > 1 { 2 } else { 1 }) {
         let out = at(cap);
         let asked = ["--memory", cap, "--jobs", jobs, "--iso", "100", "--surface", "cells", "--json"];
         let report = oct(&[&["batch", &at("in"), "--out", &out][..], &asked].concat()).json();

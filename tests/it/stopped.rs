@@ -112,11 +112,11 @@ fn a_build_is_stopped_in_every_stage() {
         };
         infobyte::clean_and_build(&mut slices, &cleaning, &options, &path, progress).map(|_| ())
     };
-    let all = stop_everywhere(folder.path(), 400, &|progress| build(SurfaceKind::Skin, 1, &[], progress));
+    let all = stop_everywhere(folder.path(), 200, &|progress| build(SurfaceKind::Skin, 1, &[], progress));
     for stage in ["unroll", "histogram", "range test", "close", "cavities", "components", "scan", "merge"] {
         assert!(all.contains(stage), "{stage}: {all:?}");
     }
-    let seen = stop_everywhere(folder.path(), 100, &|progress| {
+    let seen = stop_everywhere(folder.path(), 60, &|progress| {
         build(SurfaceKind::Cells, 1, &[ViewedFrom::Outside], progress)
     });
     assert!(seen.contains("occupancy") && seen.contains("sight"), "{seen:?}");

@@ -86,8 +86,8 @@ fn wrong_words_are_told_at_once() {
 fn a_body_of_any_size_is_never_held() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("a.oct");
-    // 128 MiB as samples.
-    let input = "synthetic:sphere@1024x1024x64?psf=0,radius=25";
+    // 32 MiB as samples.
+    let input = "synthetic:sphere@512x512x64?psf=0,radius=25";
     // The program of the tests is larger than the one that is released, which does with 8 MiB.
     let extra = ["--iso", "0.5", "--memory", "10MiB", "--threads", "2"];
     let (report, peak) = measured_build(input.as_ref(), &output, &extra);
