@@ -330,14 +330,6 @@ fn the_same_bytes_whatever_the_budget_the_threads_and_the_order() {
     let put = |name: &str, bytes: Vec<u8>| [place.put(name, &bytes)];
     same("shuffled", &put("b.stl", shuffled.stl()), &options(16, 2));
     same("refined", &put("c.stl", body.refined().stl()), &options(16, 2));
-    same("STL as text", &put("d.stl", body.stl_text()), &options(16, 2));
-    // Its normals of vertices would be taken for those of the surface.
-    let obj = String::from_utf8(body.obj()).unwrap().replace("//1", "");
-    same("OBJ", &put("e.obj", obj.into_bytes()), &options(16, 2));
-    same("OFF", &put("f.off", body.off()), &options(16, 2));
-    for form in ["ascii", "binary_little_endian", "binary_big_endian"] {
-        same(form, &put("g.ply", body.ply(form)), &options(16, 2));
-    }
     let (mut one, mut other) = (body.clone(), body);
     other.faces = one.faces.split_off(1000);
     let parts = [place.put("h.stl", &one.stl()), place.put("i.ply", &other.ply("ascii"))];

@@ -1,5 +1,5 @@
-//! The memory cap that a refusal names works: the build with it succeeds, and its peak stays within. If this fails, a user
-//! raises --memory as the program says, and is refused again or has a machine killed.
+//! The memory cap that a refusal names works, whatever the input: the build with it succeeds, and its plan and its peak
+//! stay within. If this fails, a user raises --memory as the program says, and is refused again or has a machine killed.
 
 use crate::prelude::*;
 use command::build;
@@ -11,8 +11,12 @@ const TIGHT: &str = if cfg!(debug_assertions) { "7MiB" } else { "5MiB" };
 
 /// Builds an input with the cap that the refusal of a tight one names.
 fn judge(input: &Path, extra: &[&str]) {
+    judge_from(TIGHT, input, extra);
+}
+
+fn judge_from(tight: &str, input: &Path, extra: &[&str]) {
     let model = input.with_extension("oct");
-    let refusal = build(&[input], &model, &[extra, &["--memory", TIGHT]].concat());
+    let refusal = build(&[input], &model, &[extra, &["--memory", tight]].concat());
     let name = format!("{} {extra:?}", input.display());
     assert_eq!(refusal.code, 4, "{name}: {refusal:?}");
     let named = smallest_budget(&refusal.stderr);
@@ -20,6 +24,7 @@ fn judge(input: &Path, extra: &[&str]) {
     let (report, outside) = measured_build(input, &model, &[extra, &["--memory", named]].concat());
     let peak = report["peak_rss_bytes"].as_u64().unwrap().max(outside.unwrap_or(0));
     println!("{name}: {named}, peak {peak}");
+    assert!(report["memory_plan_bytes"].as_u64() <= Some(bytes), "{name}: {report}");
     assert!(peak <= bytes, "{name}: a peak of {peak} under {named}");
 }
 
@@ -131,6 +136,35 @@ fn the_named_cap_of_meshes_and_trees_works() {
         ),
     ] {
         judge(&put(at, name, text.as_bytes()), &[&["--grid", "48"], extra].concat());
+    }
+}
+
+#[test]
+fn the_named_cap_of_volumes_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (name, dims, len, dtype, channels) in [
+        ("wide.raw", "3000x40x40", 9_600_000, "u16", "normal,value"),
+        ("cube.raw", "100x100x100", 8_000_000, "f64", "normal,value"),
+        ("dot.raw", "1x1x1", 1, "u8", "normal"),
+    ] {
+        // Zeros that take no space.
+        File::create(at.join(name)).unwrap().set_len(len).unwrap();
+        let raw = ["--dims", dims, "--dtype", dtype, "--iso", "0", "--channels", channels];
+        judge_from("64KiB", &at.join(name), &raw);
+    }
+}
+
+/// The cap is named before they are unrolled.
+#[test]
+fn the_named_cap_of_packed_volumes_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new([60, 50, 40], ScalarType::U16, [0.5, -0.75, 2.0]);
+    for encoding in ["gzip", "bzip2"] {
+        let input = file(folder.path(), &format!("{encoding}.nrrd"), &nrrd(&object, encoding, false, ""));
+        for cleaning in [&[][..], &["--close", "1", "--keep-largest", "1"]] {
+            judge_from("64KiB", &input, &[&["--iso", "300"], cleaning].concat());
+        }
     }
 }
 

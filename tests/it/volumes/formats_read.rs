@@ -401,61 +401,6 @@ fn tiff_pictures_that_begin_at_another_corner_are_not_mirrored() {
     assert!(error(&[mixed]).contains("another corner"));
 }
 
-/// Builds and gives back the sections that do not depend on names.
-fn sections(input: &Path, extra: &[&str]) -> Vec<(SectionKind, Vec<u8>)> {
-    let folder = tempfile::tempdir().unwrap();
-    let output = folder.path().join("m.oct");
-    let (from, to) = (text(input), text(&output));
-    let args = [&["build", &from, "-o", &to, "--iso", "1100"][..], extra].concat();
-    let run = oct(&args);
-    assert_eq!(run.code, 0, "{run:?}");
-    let model = Model::open(&output).unwrap();
-    let kinds: Vec<SectionKind> = model.sections().iter().filter_map(|e| e.kind).collect();
-    kinds
-        .into_iter()
-        .filter(|kind| *kind != SectionKind::Meta)
-        .map(|kind| (kind, model.section_bytes(kind).unwrap().to_vec()))
-        .collect()
-}
-
-#[test]
-fn the_same_object_gives_the_same_model_from_every_format() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
-    for step in [[0.5, -0.75, 2.0], [1.0; 3]] {
-        let object = Object::new([61, 47, 22], ScalarType::U16, step);
-        let raw = file(at, "v.raw", &object.bytes);
-        let spacing = step.map(|s| s.abs().to_string()).join("x");
-        let orientation = if step[1] < 0.0 { "LAS" } else { "LPS" };
-        let described =
-            ["--dims", "61x47x22", "--dtype", "u16", "--spacing", &spacing, "--orientation", orientation];
-        let expected = sections(&raw, &described);
-        assert!(
-            expected
-                .iter()
-                .any(|(kind, bytes)| *kind == SectionKind::Voxels(Channel::Normal) && bytes.len() > 1000)
-        );
-        let mut inputs = vec![
-            file(at, "v.nrrd", &nrrd(&object, "gzip", true, "")),
-            file(at, "v.nii.gz", &gzip(&[nifti(&object, 1, false, true, 1), object.bytes.clone()].concat())),
-            file(at, "v.mha", &[metaimage(&object, false, false, "LOCAL"), object.bytes.clone()].concat()),
-        ];
-        if step == [1.0; 3] {
-            inputs.push(file(at, "v.npy", &npy(&object, 1, false, false)));
-            inputs.push(file(
-                at,
-                "v.tif",
-                &Tiff { compression: 5, predictor: 2, ..Tiff::default() }.write(&object),
-            ));
-            pngs(&object, &at.join("pngs"));
-            inputs.push(at.join("pngs"));
-        }
-        for input in inputs {
-            assert!(sections(&input, &[]) == expected, "{}", input.display());
-        }
-    }
-}
-
 /// Smallest and largest sample, and their sum.
 fn summary(source: &dyn VolumeSource) -> (f64, f64, f64) {
     let dims = source.info().dims;
@@ -476,29 +421,6 @@ fn summary(source: &dyn VolumeSource) -> (f64, f64, f64) {
         }
     }
     (low, high, sum)
-}
-
-#[test]
-fn the_smallest_budget_of_a_packed_input_is_told_before_it_is_unrolled_and_works() {
-    let folder = tempfile::tempdir().unwrap();
-    let object = Object::new([60, 50, 40], ScalarType::U16, STEP);
-    for encoding in ["gzip", "bzip2"] {
-        let input = folder.path().join(format!("{encoding}.nrrd"));
-        fs::write(&input, nrrd(&object, encoding, false, "")).unwrap();
-        let output = text(&folder.path().join("m.oct"));
-        for cleaning in [&[][..], &["--close", "1", "--keep-largest", "1"]] {
-            let build = |memory: &str| {
-                let args =
-                    ["build", &text(&input), "-o", &output, "--iso", "300", "--json", "--memory", memory];
-                oct(&[&args[..], cleaning].concat())
-            };
-            let refusal = build("64KiB");
-            refusal.refused(4, &["is too small"]);
-            let report = build(smallest_budget(&refusal.stderr)).json();
-            let number = |key: &str| report[key].as_u64().unwrap();
-            assert!(number("peak_rss_bytes") <= number("memory_budget_bytes"), "{report}");
-        }
-    }
 }
 
 /// Figures of nibabel and pynrrd, the affine turned to LPS.
