@@ -76,7 +76,8 @@ def signature(name: str, item: object) -> str:
 def of_class(name: str, cls: type) -> list[str]:
     # Classes are of the package for their users; their text is in the module.
     text = inspect.getsource(sys.modules["infobyte._model"])
-    source = re.search(rf"^class {name}\b.*?(?=^\S)", text, re.M | re.S).group()
+    bases = [re.search(rf"^class {base.__name__}\b.*?(?=^\S)", text, re.M | re.S) for base in reversed(cls.__mro__)]
+    source = "".join(base.group() for base in bases if base)
     parts = [f"## `{name}`", shown(cls.__doc__)]
     fields = [f"- `{field}`: {inspect.cleandoc(text)}" for field, text in re.findall(r'^    (\w+): .*\n    """(.*)"""', source, re.M)]
     parts += ["\n".join(fields)] if fields else []

@@ -64,14 +64,7 @@ class Nearest(NamedTuple):
     """`S`: the number of the cell, its row in `Model.voxels()`; -1 in a larger leaf."""
 
 
-class Mesh(NamedTuple):
-    """A closed surface as triangles, in LPS mm.
-
-    >>> mesh = model.to_mesh()
-    >>> mesh.vertices.dtype, mesh.faces.dtype, mesh.vertex_normals is not None
-    (dtype('float32'), dtype('uint32'), True)
-    """
-
+class _Triangles(NamedTuple):
     vertices: NDArray[np.float32]
     """N x 3: corners, x, y, z in mm."""
     faces: NDArray[np.uint32]
@@ -80,6 +73,16 @@ class Mesh(NamedTuple):
     """N x 3: unit vectors out of the surface; `None` for a model without normals."""
     vertex_colors: NDArray[np.uint8] | None
     """N x 3: sRGB; `None` for a model without colours."""
+
+
+class Mesh(_Triangles):
+    """A closed surface as triangles, in LPS mm; a tuple of four, for `vertices, faces, normals, colors = mesh`.
+
+    >>> mesh = model.to_mesh()
+    >>> mesh.vertices.dtype, mesh.faces.dtype, mesh.vertex_normals is not None
+    (dtype('float32'), dtype('uint32'), True)
+    """
+
     distance: float | None = None
     """Greatest distance in mm between these triangles and all of them, as measured; `None` where all are here."""
 
@@ -478,7 +481,9 @@ class Model:
         distance = next(iter(arrays.pop("distance").tolist()), None)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
-        return Mesh(three["vertices"], three["faces"], *optional, distance)
+        mesh = Mesh(three["vertices"], three["faces"], *optional)
+        mesh.distance = distance
+        return mesh
 
     def to_trimesh(
         self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False

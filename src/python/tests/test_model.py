@@ -284,7 +284,7 @@ def test_triangles_are_closed(ball, surface):
     fewer = model.to_mesh(triangles=1000)
     assert len(fewer.faces) == model.export("b.ply", triangles=1000)["triangles"] == 1000 and closed(fewer.faces)
     assert fewer.faces.max() + 1 == len(fewer.vertices) == len(fewer.vertex_normals)
-    assert mesh.distance is None and 0 < fewer.distance < 1
+    assert mesh.distance is None and 0 < fewer.distance < 1 and len(mesh) == 4
     with pytest.raises(infobyte.UsageError):
         model.export("b.ply", error="-1")
     with pytest.raises(infobyte.UsageError, match="give 1 or more"):
