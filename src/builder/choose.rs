@@ -115,7 +115,7 @@ impl Chooser<'_> {
             Kind::Labels { count, first } if is_unscaled(rescale) => {
                 (selected(SelectionKind::Iso, first), Some(BuildNote::Labels { count }))
             }
-            Kind::Greys { count } => (by_otsu, Some(BuildNote::Greys { count })),
+            Kind::Greys { count } if is_unscaled(rescale) => (by_otsu, Some(BuildNote::Greys { count })),
             Kind::Padded { value } => (by_otsu, Some(BuildNote::Padding { value: rescale.apply(value) })),
             _ => (by_otsu, None),
         }

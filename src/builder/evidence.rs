@@ -119,7 +119,7 @@ const SKIPS: f64 = 0.1;
 /// even, as in greys; least share of 0 at the ends of rows; and most labels.
 const NO_SKIPS: f64 = 0.05;
 const EVEN_FLAT: f64 = 0.73;
-const RIM: f64 = 0.9;
+const RIM: f64 = 0.6;
 const ORDERED: usize = 16;
 /// Least share of a map's differences that have a flat side before and behind.
 const HARD: f64 = 0.2;
@@ -415,6 +415,12 @@ impl Evidence {
         let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
         let levels = if self.is_ramp(all) { Levels::Greys(values) } else { Levels::Labels(values - 1) };
         is_map.then_some(levels)
+    }
+
+    /// True for few values that are flat, below 0 or not whole: they may be labels all the same.
+    pub(super) fn may_be_labels(&self, values: usize) -> bool {
+        let is_flat = part(self.alike, self.alike + self.differ) >= FLAT;
+        (3..=ORDERED + 1).contains(&values) && (is_flat || !self.may_be_map)
     }
 
     /// True for a ramp of greys: values in even steps that follow each other in order, with hardly any but the first

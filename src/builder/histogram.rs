@@ -84,7 +84,7 @@ pub(super) struct Split {
 pub(super) enum Kind {
     /// A mixture of two kinds of values.
     Values,
-    /// Few greys, nested as labels may be.
+    /// Few greys, which may be labels.
     Greys {
         /// Number of greys.
         count: usize,
@@ -293,6 +293,8 @@ impl Tally {
         {
             kind = Kind::Padded { value: value(bin) };
             self.counts[bin] = 0;
+        } else if may_be_map(source) && self.evidence.may_be_labels(values) {
+            kind = Kind::Greys { count: values };
         }
         best_split(&self.counts).map(|bin| Split { at: value(bin), kind })
     }

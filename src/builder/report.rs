@@ -54,7 +54,7 @@ pub enum BuildNote {
         /// Number of labels, 0 excluded.
         count: usize,
     },
-    /// The values are few greys in even steps, which may also be nested labels.
+    /// The values are few greys, which may also be labels.
     Greys {
         /// Number of greys.
         count: usize,
@@ -103,7 +103,7 @@ impl fmt::Display for BuildNote {
             ),
             Self::Greys { count } => write!(
                 f,
-                "its {count} values follow each other in even steps, as greys do, and are not taken for labels; if they are, {LABELS} all gives each a surface of its own"
+                "its {count} values may be greys or labels, and are taken for greys; if they are labels, {LABELS} all gives each a surface of its own, and {ISO} takes those from a number on"
             ),
             Self::LabelsAbsent { first, others: 0 } => write!(f, "no voxel has the label {first}"),
             Self::LabelsAbsent { first, others } => {

@@ -119,9 +119,29 @@ fn labels_in_each_other_are_labels() {
             assert!(matches!(notes[..], [BuildNote::Labels { count }] if is_all(count)), "{name} {notes:?}");
         }
     }
+    // The volume ends within them.
+    for (axis, side) in [32, 32, 12].into_iter().enumerate() {
+        let cut = |mut p: [u32; 3]| {
+            p[axis] += side;
+            shells(p, maps[2].1, 0.0)
+        };
+        let BuildReport { selection, notes, .. } = report(&Voxels::from_fn(dims(), cut));
+        assert_eq!((selection.kind, selection.lo), (SelectionKind::Iso, 1.0), "{axis}");
+        assert!(matches!(notes[..], [BuildNote::Labels { count: 5 }]), "{axis} {notes:?}");
+    }
+    // Values that no map of ours has: a note says that they may be labels.
+    let odd: [&dyn Fn([u32; 3]) -> f32; 3] =
+        [&|p| f32::from(shells(p, maps[0].1, 0.0)) - 1.0, &|p| -f32::from(shells(p, maps[0].1, 0.0)), &|p| {
+            Some(f32::from(shells(p, maps[2].1, 0.0))).filter(|v| *v > 0.0).unwrap_or(f32::NAN)
+        }];
+    for (at, value) in odd.into_iter().enumerate() {
+        let notes = report(&Voxels::from_fn(dims(), value)).notes;
+        let is_noted = |note: &BuildNote| matches!(note, BuildNote::Greys { count: 4 | 5 });
+        assert!(notes.iter().any(is_noted), "{at} {notes:?}");
+    }
 }
 
-/// Greys in few steps, however smooth or noisy, stay greys.
+/// Greys in few steps, however smooth or noisy, stay greys; a note says so of those that are as flat as labels.
 #[test]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
 fn pictures_in_few_steps_are_not_labels() {
@@ -145,6 +165,7 @@ fn pictures_in_few_steps_are_not_labels() {
         |p: [u32; 3], rough: f64| ((head(p, 0.0) + 1100.0 + rough * noise(p)) / 2200.0).clamp(0.0, 0.999);
     let steps = |part: f64, n: f64, step: u8| (part * n).clamp(0.0, n - 1.0) as u8 * step;
     type Picture<'a> = (&'a str, &'a dyn Fn([u32; 3]) -> u8);
+    let are_rough = ["slightly noisy scan", "noisy scan", "noise", "noise of three"];
     let pictures: [Picture<'_>; 13] = [
         ("ramp", &|p| steps(f64::from(p[0]) / 64.0, 6.0, 1)),
         ("short ramp", &|p| steps(f64::from(p[0]) / 64.0, 4.0, 1)),
@@ -173,7 +194,9 @@ fn pictures_in_few_steps_are_not_labels() {
         let short = Voxels::from_fn(dims(), |p| u16::from(grey(p)));
         for volume in [&volume as &dyn VolumeSource, &short] {
             let BuildReport { selection, notes, .. } = report(volume);
-            assert!(selection.kind == SelectionKind::Otsu && notes.is_empty(), "{name} {notes:?}");
+            let is_noted = matches!(notes[..], [BuildNote::Greys { count: 4..=8 }]);
+            assert!(selection.kind == SelectionKind::Otsu && notes.len() < 2, "{name} {notes:?}");
+            assert_eq!(is_noted, !are_rough.contains(&name), "{name} {notes:?}");
         }
     }
     // Greys that fall to 0 on all sides could be labels that lie in each other, which a note says.
@@ -249,6 +272,23 @@ fn head(p: [u32; 3], noise: f64) -> f64 {
     let smooth = |edge: f64| ((edge - away(p)) * 16.0).clamp(0.0, 1.0);
     let value = -1000.0 + 1040.0 * smooth(0.7) + 900.0 * (smooth(0.7) - smooth(0.6));
     ((value + wobble) as i32).into()
+}
+
+/// Pictures in few greys have as wide regions as labels, but one after the other.
+#[test]
+fn pictures_in_few_greys_are_not_taken_for_labels() {
+    for (levels, noise) in [(4.0, 0.0), (8.0, 0.0), (16.0, 0.0), (16.0, 100.0), (64.0, 30.0), (256.0, 5.0)] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let grey = |p: [u32; 3]| {
+            let part = ((head(p, noise) + 1100.0) / 2100.0).clamp(0.0, 0.999);
+            (part * levels) as u8
+        };
+        let volume = Voxels::from_fn(dims(), grey);
+        assert_eq!(chosen(&volume).kind, SelectionKind::Otsu, "{levels} {noise}");
+        let notes = report(&volume).notes;
+        assert_eq!(matches!(notes[..], [BuildNote::Greys { count: 4..=16 }]), noise == 0.0, "{notes:?}");
+        assert_eq!(notes.is_empty(), noise > 0.0, "{notes:?}");
+    }
 }
 
 #[test]
