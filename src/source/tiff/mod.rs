@@ -194,6 +194,8 @@ struct Stack {
     lacks_depth: bool,
     /// A unit of length that is stated and not known.
     unknown_unit: Option<String>,
+    /// Slope and intercept of the values.
+    calibration: Option<[f64; 2]>,
     /// The pages of each volume, where one file holds several.
     several: Option<Vec<Vec<usize>>>,
 }
@@ -238,6 +240,7 @@ impl Stack {
         self.spacing_mm = self.spacing_mm.or(notes.spacing_mm);
         self.lacks_depth |= notes.lacks_depth;
         self.unknown_unit = self.unknown_unit.take().or(notes.unknown_unit.clone());
+        self.calibration = notes.calibration;
         self.contiguous(&tiff, notes.images)?;
         // One page of several files says nothing of the others.
         if self.pages.len() > 1 {
@@ -321,6 +324,12 @@ impl Stack {
         if let Some(backwards) = other.backwards {
             self.turned(backwards)?;
         }
+        if !self.pages.is_empty() && self.calibration != other.calibration {
+            return Err(bad!(
+                "its values are calibrated otherwise than those before (c0, c1); save all of them alike"
+            ));
+        }
+        self.calibration = other.calibration;
         self.pages.extend(other.pages);
         self.spacing_mm = self.spacing_mm.or(other.spacing_mm);
         self.memory_bytes = self.memory_bytes.max(other.memory_bytes);
@@ -396,10 +405,11 @@ impl Stack {
             )));
         }
         notes.extend(shape.samples.note());
+        let line = self.calibration.filter(|_| shape.samples.bytes() <= 2);
         let info = VolumeInfo {
             dims,
             scalar: shape.samples.delivered(),
-            rescale: Rescale::IDENTITY,
+            rescale: line.map_or(Rescale::IDENTITY, |[slope, intercept]| Rescale { slope, intercept }),
             spacing_mm,
             affine,
             description: SourceDescription {

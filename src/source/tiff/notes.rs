@@ -24,6 +24,8 @@ pub(super) struct Notes {
     pub(super) axes: Vec<(char, u64)>,
     /// True if more pages may follow, of other images.
     pub(super) more_images: bool,
+    /// Slope and intercept of values of 8 and 16 bits, as ImageJ calibrates them.
+    pub(super) calibration: Option<[f64; 2]>,
 }
 
 impl Notes {
@@ -39,6 +41,10 @@ impl Notes {
         if description.starts_with("ImageJ=") {
             return Self::image_j(description, resolution);
         }
+        // As tifffile wrote it before it wrote JSON.
+        let early = description.strip_prefix("shape=(").and_then(|sides| sides.split_once(')'));
+        let early = early.map(|(sides, _)| format!("{{\"shape\": [{}]}}", sides.trim_end_matches(',')));
+        let description = early.as_deref().unwrap_or(description);
         if description.starts_with('{') {
             match serde_json::from_slice::<Value>(description.as_bytes()) {
                 Ok(shaped) if shaped.get("shape").is_some() => {
@@ -66,11 +72,10 @@ impl Notes {
         };
         let count = |key: &str| value(key).map_or(Ok(1), |v| number::<u64>(key, v));
         let images = count("images")?;
-        let [channels, frames] = [count("channels")?, count("frames")?];
+        let [channels, frames, slices] = [count("channels")?, count("frames")?, count("slices")?];
         let several = channels.saturating_mul(frames);
         let mut axes = Vec::new();
         if several > 1 {
-            let slices = count("slices")?;
             if slices == 1 {
                 let (of, count) = if frames > 1 { ("frames", frames) } else { ("channels", channels) };
                 return Err(bad!(
@@ -89,7 +94,18 @@ impl Notes {
         let spacing_mm = unit.and_then(unit_mm).and_then(spacing);
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
         let unknown_unit = unit.filter(|unit| unit_mm(unit).is_none()).map(str::to_owned);
-        Ok(Self { images, spacing_mm, lacks_depth, unknown_unit, axes, more_images: false })
+        let mut calibration = None;
+        if value("cf") == Some("0") {
+            let [slope, intercept] = ["c1", "c0"].map(|key| number::<f64>(key, value(key).unwrap_or("")));
+            let line = [slope?, intercept?];
+            if line[0] == 0.0 || !line.iter().all(|number| number.is_finite()) {
+                return Err(bad!(
+                    "its description calibrates values by {line:?}, which makes no numbers; save it again"
+                ));
+            }
+            calibration = Some(line);
+        }
+        Ok(Self { images, spacing_mm, lacks_depth, unknown_unit, axes, more_images: false, calibration })
     }
 
     /// Reads the shape of an array, as tifffile and napari write it: the last two sides are the page's.
@@ -116,6 +132,13 @@ impl Notes {
         if !axes.iter().any(|(name, _)| *name == 'Z')
             && let Some(last) = axes.last_mut()
         {
+            if let Some(kind) = [('T', "times"), ('C', "channels")].iter().find(|(name, _)| *name == last.0) {
+                return Err(bad!(
+                    "is an array of {} {} without slices (axes); save one of them as a stack of its own",
+                    last.1,
+                    kind.1
+                ));
+            }
             last.0 = 'Z';
         }
         Ok(Self { images: if truncated { images } else { 1 }, axes, more_images: true, ..Self::default() })
@@ -177,7 +200,7 @@ impl Notes {
         let (x, y, depth) = (length("X")?, length("Y")?, length("Z")?);
         let spacing_mm = x.zip(y).and_then(|(x, y)| sound([x, y, depth.unwrap_or(x)]));
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
-        Ok(Self { images: 1, spacing_mm, lacks_depth, unknown_unit, axes, more_images })
+        Ok(Self { images: 1, spacing_mm, lacks_depth, unknown_unit, axes, more_images, calibration: None })
     }
 
     /// The pages of each volume, for a file of `pages` pages; `None` where all of them are the slices of one.
@@ -297,7 +320,13 @@ mod tests {
             ("ImageJ=1\nimages=6\nframes=6\n", "hyperstack"),
             ("ImageJ=1\nunit=mm\nspacing=2,5\n", "`2,5` for spacing"),
             ("ImageJ=1\nimages=6\nchannels=two\n", "`two` for channels"),
+            ("ImageJ=1\nimages=6\nslices=six\n", "`six` for slices"),
+            ("ImageJ=1\ncf=0\nc0=-1024,0\nc1=1\n", "`-1024,0` for c0"),
+            ("ImageJ=1\ncf=0\nc0=5\n", "`` for c1"),
+            ("ImageJ=1\ncf=0\nc0=5\nc1=0\n", "calibrates values by [0.0, 5.0]"),
             ("{\"shape\": [5, 6, 8], ", "cannot be parsed as JSON"),
+            ("{\"shape\": [5, 6, 8], \"axes\": \"TYX\"}", "5 times without slices"),
+            ("{\"shape\": [2, 5, 6, 8], \"axes\": \"TCYX\"}", "5 channels without slices"),
             ("<OME><Pixels SizeC=\"2\" SizeZ=\"3\" DimensionOrder=\"ZYXCT\">", "`ZYXCT`"),
             ("<OME><Pixels SizeC=\"2\" SizeZ=\"3\" DimensionOrder=\"XYZ\">", "`XYZ`"),
         ] {
@@ -337,8 +366,9 @@ mod tests {
                 "<OME><Image><Pixels DimensionOrder=\"{order}\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\" >{more}</Pixels></Image></OME>"
             )
         };
-        let cases: [(&str, usize, &[&[usize]]); 9] = [
+        let cases: [(&str, usize, &[&[usize]]); 10] = [
             (r#"{"shape": [2, 3, 6, 8]}"#, 6, &[&[0, 1, 2], &[3, 4, 5]]),
+            ("shape=(2, 3, 6, 8)", 6, &[&[0, 1, 2], &[3, 4, 5]]),
             (r#"{"shape": [3, 2, 6, 8], "axes": "ZCYX"}"#, 6, &[&[0, 2, 4], &[1, 3, 5]]),
             (r#"{"shape": [1, 3, 6, 8, 1]}"#, 3, &[]),
             (r#"{"shape": [6, 8]}"#, 5, &[]),

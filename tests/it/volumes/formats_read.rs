@@ -353,6 +353,11 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     let more = Tiff { description: stacked.replace("images=11", "images=900"), ..how.clone() };
     let refused = ready(&[file(folder.path(), "more.tif", &more.write(&object))], folder.path());
     assert!(refused.err().unwrap().to_string().contains("promises 900 images"));
+    // Signed values, as ImageJ stores them.
+    let signed = Tiff { description: format!("{stacked}cf=0\nc0=-32768.0\nc1=1.0\n"), ..how.clone() };
+    let signed = file(folder.path(), "signed.tif", &signed.write(&object));
+    let signed = ready(&[signed], folder.path()).unwrap();
+    assert_eq!(signed.info().rescale, infobyte::Rescale { slope: 1.0, intercept: -32768.0 });
     let channels = Tiff { description: stacked.replace("slices=11", "channels=11"), ..how };
     let refused = ready(&[file(folder.path(), "channels.tif", &channels.write(&object))], folder.path());
     assert!(refused.err().unwrap().to_string().contains("hyperstack of 11 channels"));
