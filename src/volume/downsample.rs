@@ -21,7 +21,7 @@ const THICK: f64 = 2.0;
 /// **Accuracy.** Means are not rounded to the type of the samples: types of 8 and 16 bits and `f32` give `f32`,
 /// wider ones `f64`. Sums are taken in `f64` in the order z, y, x, so the mean of whole blocks of integers is
 /// exact, and any other rounded once. At the high border a block holds the voxels that there are. NaN is left
-/// out; a block of nothing else is NaN.
+/// out; a block of more NaN than numbers is NaN.
 ///
 /// **Geometry.** A voxel's centre is its whole block's, and the spacing grows by the factor: the box of the volume
 /// stays in place (except for blocks that reach beyond it).
@@ -102,8 +102,9 @@ impl<'a> Downsample<'a> {
                     }
                 }
             }
-            for (out, (sum, count)) in out.chunks_exact_mut(out_bytes).zip(sums) {
-                let mean = *sum / f64::from(*count);
+            for ((i, out), (sum, count)) in (first..).zip(out.chunks_exact_mut(out_bytes)).zip(sums) {
+                let all = rows.len() * slices.len() * block(i, nx).len();
+                let mean = if 2 * *count as usize >= all { *sum / f64::from(*count) } else { f64::NAN };
                 if self.info.scalar == ScalarType::F64 {
                     out.copy_from_slice(bytemuck::bytes_of(&mean));
                 } else {

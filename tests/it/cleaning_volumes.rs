@@ -106,6 +106,21 @@ fn a_crop_is_the_part_and_stays_where_it_was() {
     }
 }
 
+/// A mask of NaN is as wide as before, not a block wider.
+#[test]
+fn downsampling_keeps_nan_outside() {
+    let value = |p: [u32; 3]| if p[0] < 5 && p[1] < 7 { 1.0 } else { f64::NAN };
+    let all = (0..512).map(|i: u32| value([i % 8, i / 8 % 8, i / 64])).collect::<Vec<_>>();
+    let options = CleanOptions { downsample: Some(2), ..Default::default() };
+    let whole = MemoryVolume::new([8; 3], ScalarType::F32, &all);
+    let got = samples(&*options.reshape(Box::new(whole)).unwrap());
+    for (i, got) in (0..).zip(got) {
+        // The blocks at x = 4 are half NaN, as are those at y = 6; those in both are NaN for the most part.
+        let [x, y] = [i % 4, i / 4 % 4];
+        assert_eq!(got.is_nan(), x == 3 || x == 2 && y == 3, "{x} {y}");
+    }
+}
+
 #[test]
 fn downsampling_takes_the_mean_and_keeps_the_box_in_the_world() {
     let mut random = Random(2);
@@ -126,18 +141,20 @@ fn downsampling_takes_the_mean_and_keeps_the_box_in_the_world() {
                 for (i, got) in got.iter().enumerate() {
                     let i = u32::try_from(i).unwrap();
                     let [x, y, z] = [i % size[0], i / size[0] % size[1], i / size[0] / size[1]];
-                    let (mut sum, mut count) = (0.0, 0.0);
+                    let (mut sum, mut count, mut missing) = (0.0, 0.0, 0.0);
                     for z in block(z, dims[2]) {
                         for y in block(y, dims[1]) {
                             for x in block(x, dims[0]) {
                                 let v = values[((z * dims[1] + y) * dims[0] + x) as usize];
                                 if !v.is_nan() {
                                     (sum, count) = (sum + v, count + 1.0);
+                                } else {
+                                    missing += 1.0;
                                 }
                             }
                         }
                     }
-                    let mean: f64 = sum / count;
+                    let mean: f64 = if missing > count { f64::NAN } else { sum / count };
                     #[expect(clippy::cast_possible_truncation, reason = "as documented")]
                     let want = if wide { mean } else { f64::from(mean as f32) };
                     assert!(*got == want || got.is_nan() && want.is_nan(), "{scalar} {factor} {got} {want}");
