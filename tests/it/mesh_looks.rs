@@ -29,6 +29,11 @@ fn build_as(
     Ok(fs::read(&model).unwrap())
 }
 
+/// A material of glTF with the first texture.
+fn metallic() -> Value {
+    json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+}
+
 /// The first parts of what is told of a mesh that lacks something.
 fn notes(input: &Path) -> Vec<String> {
     let mesh = on_grid(GridChoice::Side { voxels: 8, margin: 1 });
@@ -106,7 +111,7 @@ fn textured_obj(body: &Body) -> String {
     text
 }
 
-fn textured_glb(body: &Body, image: &[u8]) -> Vec<u8> {
+fn textured_glb(body: &Body, image: &[u8], material: &Value) -> Vec<u8> {
     let corners = corners(body);
     let mut bytes = Vec::new();
     let mut floats = |values: &[f64]| values.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes()));
@@ -121,7 +126,7 @@ fn textured_glb(body: &Body, image: &[u8]) -> Vec<u8> {
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "matrix": containers::MILLIMETRES}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "materials": [material],
         "textures": [{"source": 0}],
         "images": [{"bufferView": 2, "mimeType": "image/png"}],
         "accessors": [
@@ -151,8 +156,12 @@ fn a_texture_stands_upright_whichever_way_its_format_counts() {
     let channels = Channels::from([Channel::Normal, Channel::Color]);
     let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
     let obj = build(&[obj], channels, 1, 8).unwrap();
-    let glb = put(folder.path(), "b.glb", &textured_glb(&body, &image()));
+    let glb = put(folder.path(), "b.glb", &textured_glb(&body, &image(), &metallic()));
     assert!(build(std::slice::from_ref(&glb), channels, 1, 8).unwrap() == obj, "glTF and OBJ");
+    let glossy =
+        json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": 0}}}});
+    let glossy = put(folder.path(), "c.glb", &textured_glb(&body, &image(), &glossy));
+    assert!(build(&[glossy], channels, 1, 8).unwrap() == obj, "the older kind of material");
     assert!(build(&[glb], channels, 2, 256).unwrap() == obj, "at another budget");
     let mut seen = 0;
     for voxel in voxels(&obj) {
@@ -230,7 +239,7 @@ fn many_texels_on_a_voxel_are_averaged_in_linear_light() {
     let mut writer = encoder.write_header().unwrap();
     writer.write_image_data(&texels).unwrap();
     writer.finish().unwrap();
-    let path = put(folder.path(), "a.glb", &textured_glb(&Body::cuboid(LOW, HIGH), &bytes));
+    let path = put(folder.path(), "a.glb", &textured_glb(&Body::cuboid(LOW, HIGH), &bytes, &metallic()));
     let built = build(&[path], all_channels(), 1, 64).unwrap();
     for voxel in voxels(&built).iter().filter(|voxel| voxel.at[0] > 31.0) {
         assert_eq!(voxel.color, Some([188; 3]), "{:?}", voxel.at);
@@ -270,6 +279,8 @@ fn colours_of_vertices_are_the_same_from_every_format() {
     let wanted = build("a.ply", ply.as_bytes());
     assert!(build("b.ply", &binary) == wanted, "binary");
     assert!(build("c.obj", obj.as_bytes()) == wanted, "OBJ");
+    let short = ["red", "green", "blue"].iter().fold(ply, |ply, name| ply.replace(name, &name[..1]));
+    assert!(build("d.ply", short.as_bytes()) == wanted, "r, g, b");
     for voxel in voxels(&wanted) {
         // Linear light runs evenly along every edge; sRGB does not.
         let [r, g, b] = voxel.color.unwrap();
@@ -424,7 +435,7 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     assert_eq!(notes(&obj), ["a.obj takes colours from looks.mtl, which is not there"]);
     put(folder.path(), "looks.mtl", b"newmtl another\nKd 1 0 0\n");
     assert_eq!(notes(&obj), ["a.obj uses the material the look, which its libraries do not define"]);
-    put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_Kd none.png\n");
+    put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_kd none.png\n");
     assert_eq!(notes(&obj), ["a.obj takes colours from none.png, which is not there"]);
     let red = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap();
     assert!(voxels(&red).iter().all(|v| v.color == Some([255, 0, 0])));

@@ -225,12 +225,29 @@ pub(super) struct Buffer {
 pub(super) struct Material {
     #[serde(default)]
     pub(super) pbr_metallic_roughness: Surface,
+    #[serde(default)]
+    extensions: MaterialExtensions,
+}
+
+impl Material {
+    /// What gives the base colour.
+    pub(super) fn surface(&self) -> &Surface {
+        self.extensions.glossy.as_ref().unwrap_or(&self.pbr_metallic_roughness)
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    glossy: Option<Surface>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Surface {
+    #[serde(alias = "diffuseFactor")]
     pub(super) base_color_factor: Option<[f32; 4]>,
+    #[serde(alias = "diffuseTexture")]
     pub(super) base_color_texture: Option<TextureUse>,
 }
 

@@ -11,7 +11,7 @@ use crate::fault::bad;
 /// Set of coordinates of a material's texture.
 pub(super) fn texcoord(described: &Described, material: u32) -> u32 {
     let material = described.root.materials.get(material as usize);
-    let used = material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref());
+    let used = material.and_then(|m| m.surface().base_color_texture.as_ref());
     used.map_or(0, |used| {
         let moved = used.extensions.transform.as_ref().and_then(|t| t.tex_coord);
         moved.unwrap_or(used.tex_coord)
@@ -26,7 +26,7 @@ pub(super) fn materials(
     let mut images: Vec<Option<Arc<Image>>> = vec![None; described.root.images.len()];
     let mut all = Vec::with_capacity(described.root.materials.len());
     for material in &described.root.materials {
-        let surface = &material.pbr_metallic_roughness;
+        let surface = material.surface();
         let [r, g, b, _] = surface.base_color_factor.unwrap_or([1.0; 4]);
         let texture = match &surface.base_color_texture {
             Some(used) => Some(texture(used, described, buffers, resolver, &mut images)?),

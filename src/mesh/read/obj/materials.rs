@@ -137,7 +137,7 @@ impl<'a> Materials<'a> {
                         material.color = light(if count == 1 { [r; 3] } else { [r, g, b] });
                     }
                 }
-                b"map_Kd" => {
+                word if word.eq_ignore_ascii_case(b"map_Kd") => {
                     let line = words.rest_of_line(4096)?;
                     let texture = self.texture(&line, words.line())?;
                     if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
