@@ -16,11 +16,12 @@ use infobyte::text;
 use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
-    text.trim()
-        .parse::<f64>()
-        .ok()
-        .filter(|v| v.is_finite())
-        .ok_or_else(|| format!("'{text}' is not a finite number"))
+    text.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+        format!(
+            "'{text}' is not a finite number{}",
+            if text.contains(',') { "; write decimals with a point" } else { "" }
+        )
+    })
 }
 
 pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
@@ -385,7 +386,7 @@ pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
 
 /// Three rows of four numbers.
 pub(super) fn placement(text: &str) -> Result<Affine, String> {
-    let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+    let numbers: Vec<f64> = text.split(',').map(number).collect::<Result<_, _>>().unwrap_or_default();
     match numbers.as_chunks::<4>() {
         (&[x, y, z], []) => Ok(Affine { rows: [x, y, z] }),
         _ => Err(format!("'{text}' is not three rows of four numbers, with commas between all of them")),

@@ -479,7 +479,7 @@ impl BuildArgs {
         let gradient = || self.skin.gradient.map(|_| "--gradient");
         let (flag, of, is) = match kind {
             SubjectKind::Volume => {
-                (grid.flag(), "meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees (.csg)", "volume")
+                (grid.flag(), "meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees (.csg)", "volume or of no known kind")
             }
             SubjectKind::Mesh => (self.volume_flag().or_else(gradient), "volumes", "mesh"),
             SubjectKind::Tree if self.input.len() > 1 => return Err("a tree of solids (.csg) is built by itself; join several by union() { ... } in one file, and meshes by import()".into()),

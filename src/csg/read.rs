@@ -1,5 +1,6 @@
 //! Trees from files of text.
 
+use std::ffi::OsStr;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +24,8 @@ const READ_BYTES: usize = 16 << 10;
 pub(crate) fn is_tree(head: &[u8], path: &Path) -> bool {
     let head = plain_head(head);
     let first = String::from_utf8_lossy(&head);
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csg")) || begins_with_module(&first)
+    let is_named = |e: &OsStr| ["csg", "scad"].iter().any(|name| e.eq_ignore_ascii_case(name));
+    path.extension().is_some_and(is_named) || begins_with_module(&first)
 }
 
 fn begins_with_module(text: &str) -> bool {

@@ -82,6 +82,7 @@ mod tests {
             ("a.csg", b"sphere(r = 3);", SubjectKind::Tree),
             ("tree.txt", b"// by hand\n/* two */ %difference() { cube(3); }", SubjectKind::Tree),
             ("junk.csg", b"\xff\xfe\x00", SubjectKind::Tree),
+            ("program.scad", b"w = 5; cube(w);", SubjectKind::Tree),
             ("b.csg", nrrd, SubjectKind::Volume),
             ("code.js", b"call(3);", SubjectKind::Volume),
             ("cube.raw", b"cube", SubjectKind::Volume),

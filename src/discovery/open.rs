@@ -526,11 +526,6 @@ fn refuse_file(path: &Path) -> SourceError {
             "is a mesh by its name, and is not read as a volume; meshes (STL, PLY, OBJ, OFF, glTF, 3MF) are built by themselves, with {GRID} N or {VOXEL} MM"
         ));
     }
-    if promises("scad") {
-        return unusable(bad!(
-            "is a program of OpenSCAD, and trees are read; write it out with openscad -o part.csg part.scad"
-        ));
-    }
     let misuse = if promises("vol") {
         usage!(
             "contains headerless voxels, judging by its name (.vol); put the .vgi that describes it into its folder, or add {DIMS} NXxNYxNZ and {DTYPE}"

@@ -113,13 +113,15 @@ impl DicomVolume {
         let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
         if stated > 0 && stated < rescaled {
             return Err(unfit!(
-                "{} of {} slices state no rescale slope and intercept, so their values cannot be compared",
+                "{} of {} slices state no rescale slope and intercept, so their values cannot be compared; correct them, or leave them out",
                 rescaled - stated,
                 slices.len()
             ));
         }
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
-            return Err(unfit!("the rescale slope is 0, so every pixel would have the same value"));
+            return Err(unfit!(
+                "the rescale slope is 0, so every pixel would have the same value; correct the headers"
+            ));
         }
         let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
         let layout = *layout_of(series, slices.first().ok_or(unfit!("no image"))?)?;
