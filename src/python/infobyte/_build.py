@@ -229,7 +229,10 @@ def _text(value: Any) -> str | None:
 def _threshold(iso: float | None, range: tuple[float, float] | None) -> dict[str, Any] | None:
     if range is None:
         return None if iso is None else {"iso": _finite("iso", iso)}
-    low, high = (float(end) for end in range)
+    try:
+        low, high = (float(end) for end in range)
+    except (TypeError, ValueError):
+        raise TypeError(f"range={range!r} is not two numbers") from None
     if not low <= high:
         raise UsageError(f"the range {low}..{high} is empty; give the lower value first")
     end = sys.float_info.max
@@ -285,6 +288,8 @@ def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Call
         samples, stated, axes = known.samples, known.affine, "zyx"
         asked["rescale"] = None if known.rescale is None else list(known.rescale)
     asked["affine"] = _placement(spacing, origin, affine, stated, axes).tolist()
+    if asked["build"].get("labels") is not None and _sources.is_masked(samples):
+        samples = samples.filled(0)
     if isinstance(samples, np.ndarray) and _sources.is_in_place(samples):
         array = _sources.three_axes(samples, axes)
         if array.size == 0:

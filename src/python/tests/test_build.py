@@ -416,5 +416,7 @@ def test_masked_samples_are_outside_and_samples_that_are_no_numbers_are_warned_o
     assert bare.shape == (4, 4, 4)
     with pytest.warns(UserWarning, match="infinite"):
         infobyte.build(np.where(masked.mask, 0, np.inf), tmp_path / "i.oct", iso=500, progress=False)
+    labels = infobyte.build(masked, tmp_path / "l.oct", labels="all", progress=False).info["labels"]
+    assert [label["voxels"] for label in labels] == [8]
     with pytest.raises(infobyte.UsageError, match="masked"):
         infobyte.build([full[0], masked[1]], tmp_path / "x.oct", iso=500, progress=False)
