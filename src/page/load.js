@@ -120,7 +120,7 @@ function showLegend() {
     bar.style.background = `linear-gradient(to right, ${colors.map(color => `rgb(${color})`)})`;
     [...ticks.children].forEach((tick, i) => {
         // The colours of the ends are also those of values beyond.
-        const beyond = i === 2 ? '≥ ' : i === 0 && low ? '≤ ' : '';
+        const beyond = i > 1 ? '≥ ' : low && !i ? '≤ ' : '';
         tick.textContent = beyond + +(low + i / 2 * (high - low)).toPrecision(3);
     });
     text.textContent = `${name}, ${unit}${sign && ` (${sign})`}`;
