@@ -108,7 +108,10 @@ fn copies_are_converted_once_and_what_differs_out_of_sight_is_numbered() {
             (&numbered["status"], &numbered["name"]),
             (&json!("converted"), &json!(format!("{id}-n2")))
         );
-        assert!(numbered["warnings"].to_string().contains("this is number 2 of the volumes with this id"), "{numbered}");
+        assert!(
+            numbered["warnings"].to_string().contains("this is number 2 of the volumes with this id"),
+            "{numbered}"
+        );
         assert_eq!(counts(&batch(&top, &out, &["--iso", "10"]).1), [0, 4, 0]);
     }
 }

@@ -307,7 +307,7 @@ fn scan_and_batch_know_label_maps_and_a_threshold_that_is_asked_for_comes_before
     assert_eq!((&found["plain.nii"], &found["grey.nrrd"]), (&Value::from(3), &Value::Null));
     let shown = oct(&["scan", &text(&input), "--values"]);
     assert!(
-        shown.stdout.contains("u8, 3 labels, ") && shown.stdout.contains("values were read"),
+        shown.stdout.contains("u8, a map of 3 labels, ") && shown.stdout.contains("values were read"),
         "{shown:?}"
     );
 

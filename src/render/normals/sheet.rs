@@ -1,14 +1,13 @@
 //! The visible side of skin: normals that the boxes around contradict.
 //!
 //! A stored normal is the gradient of the values. Within a sheet one box thick, such as a scanner's table or a single
-//! slice, the values are alike on both sides: the gradient is noise. The skin itself is reliable. So where a normal is
-//! far from the face of entry, and the normals of the boxes around do not agree with it, the plane of those boxes
-//! replaces it; and a normal of the far side is turned.
+//! slice, the values are alike on both sides: the gradient is noise. The skin itself is reliable. So where the
+//! normals of the boxes around do not agree with one, the plane of those boxes replaces it, the sooner the farther it is
+//! from the face of entry; and a normal of the far side is turned.
 //!
 //! All distances are in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a staircase
-//! whose stored normals are right, and they stay, as they agree. Cost: a product where the normal is near the face's,
-//! else three or four normals before and after it in the file, and where these do not agree a look-up of the boxes
-//! around, some 0.2 microseconds.
+//! whose stored normals are right, and they stay, as they agree. Cost: three or four normals before and after it in the
+//! file, and where these do not agree a look-up of the boxes around, some 0.2 microseconds.
 
 use crate::geom::dot;
 use crate::load::{ModelView, NodeView};
@@ -16,8 +15,8 @@ use crate::load::{ModelView, NodeView};
 use super::neighborhood::Neighborhood;
 use crate::render::ray::Face;
 
-/// Cosine between a normal and the face of entry from which it is kept: some axis is that near to any direction (1 /
-/// sqrt 3), so the widest face of a sound surface never requires more.
+/// Cosine between a normal and the face of entry that the widest face of a sound surface has: some axis is that near to
+/// any direction (1 / sqrt 3).
 const NEAR_FACE: f64 = 0.57;
 
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
@@ -28,9 +27,10 @@ const FACE_WEIGHT: f64 = 1e-3;
 const FLAT: f64 = 0.1;
 const NOT_FLAT: f64 = 0.18;
 
-/// Size of the cosine between normals that agree, and the part of those around that must for a sound surface.
+/// Size of the cosine between normals that agree, and the part of those around that must, near the face and far from it.
 const ALIKE: f64 = 0.9;
-const SOUND: f64 = 0.6;
+const SOUND_NEAR: f64 = 0.4;
+const SOUND_FAR: f64 = 0.6;
 
 /// A box that a ray hit.
 #[derive(Clone, Copy, Debug)]
@@ -57,9 +57,7 @@ pub(super) fn shown(
     outward[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
     let square = dot(stored, stored);
     let along = dot(stored, outward);
-    if along > 0.0 && along * along >= NEAR_FACE * NEAR_FACE * square {
-        return None;
-    }
+    let is_near = along * along >= NEAR_FACE * NEAR_FACE * square;
     let agree = |number: u64| {
         others(number).is_none_or(|other| {
             let product = dot(stored, other);
@@ -68,11 +66,12 @@ pub(super) fn shown(
     };
     // Those before and after it in the file mostly touch it.
     let beside = |distance: i64| agree(number.wrapping_add_signed(distance));
-    let turned = || (along * along >= NEAR_FACE * NEAR_FACE * square).then(|| stored.map(|c| -c));
+    let turned = || (is_near && along < 0.0).then(|| stored.map(|c| -c));
     if beside(1) && beside(-1) && (beside(2) || beside(-2)) {
         return turned();
     }
-    if let Some(offsets) = unsound(view, around, face, (number, &struck()), agree) {
+    let least = if is_near && along > 0.0 { SOUND_NEAR } else { SOUND_FAR };
+    if let Some(offsets) = unsound(view, around, face, (number, &struck()), (least, agree)) {
         let (plane, thick) = nearest_plane(&offsets, outward);
         let share = ((NOT_FLAT - thick) / (NOT_FLAT - FLAT)).clamp(0.0, 1.0);
         let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
@@ -82,14 +81,14 @@ pub(super) fn shown(
     turned()
 }
 
-/// The boxes that touch the one that was hit, and itself, as offsets from it; `None` where most normals agree, or the
-/// box is not found: a hit's point is rounded, and may fall into a neighbour.
+/// The boxes that touch the one that was hit, and itself, as offsets from it; `None` where the part `least` of the
+/// normals agrees, or the box is not found: a hit's point is rounded, and may fall into a neighbour.
 fn unsound(
     view: &ModelView<'_>,
     around: &mut Neighborhood,
     face: Face,
     (number, struck): (u64, &Struck),
-    agree: impl Fn(u64) -> bool,
+    (least, agree): (f64, impl Fn(u64) -> bool),
 ) -> Option<Vec<[f64; 3]>> {
     let axis = usize::from(face.axis % 3);
     let levels = view.depth().checked_sub(struck.edge_log2).filter(|levels| *levels > 0)?;
@@ -109,7 +108,7 @@ fn unsound(
         found |= other == number;
         agreeing += usize::from(other != number && agree(other));
     });
-    let sound = offsets.len() > 1 && agreeing as f64 >= SOUND * (offsets.len() - 1) as f64;
+    let sound = offsets.len() > 1 && agreeing as f64 >= least * (offsets.len() - 1) as f64;
     (found && !sound).then_some(offsets)
 }
 
@@ -206,7 +205,7 @@ mod tests {
     #[test]
     fn sound_normals_stay_and_the_far_sides_are_turned() {
         let flat = sheet(|_, _| 5);
-        assert_eq!(of(&flat, [7, 8, 5], [0.3, 0.3, 0.9], [1.0, 0.0, 0.0]), None);
+        assert_eq!(of(&flat, [7, 8, 5], [0.3, 0.3, 0.9], [0.2, 0.3, 0.9]), None);
         let far = [0.0, 0.1, -0.9];
         assert_eq!(of(&flat, [7, 8, 5], far, far.map(|c| -c)), Some([0.0, -0.1, 0.9]));
         assert_eq!(of(&flat, [7, 8, 5], [0.9, 0.0, -0.3], [0.9, 0.1, -0.3]), None);
