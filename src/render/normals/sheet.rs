@@ -92,24 +92,25 @@ fn unsound(
 ) -> Option<Vec<[f64; 3]>> {
     let axis = usize::from(face.axis % 3);
     let levels = view.depth().checked_sub(struck.edge_log2).filter(|levels| *levels > 0)?;
-    let cell = std::array::from_fn(|a| {
-        let at = if a == axis {
-            (struck.at[a] + 0.5).floor() - f64::from(u8::from(face.high))
-        } else {
-            struck.at[a].floor()
-        };
+    // The box of the point; then, on an edge of it, those across.
+    let mut at = struck.at;
+    at[axis] += if face.high { -0.5 } else { 0.5 };
+    let beside = (0..3).filter(|a| *a != axis).flat_map(|a| [(a, 0.5), (a, -0.5)]);
+    [(axis, 0.0)].into_iter().chain(beside).find_map(|(a, step)| {
         #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
-        let at = at as i64;
-        at.clamp(0, (1 << levels) - 1)
-    });
-    let (mut offsets, mut found, mut agreeing) = (Vec::with_capacity(27), false, 0_usize);
-    around.neighbours(view, levels, cell, |slot, other| {
-        offsets.push([slot % 3, slot / 3 % 3, slot / 9].map(|c| c as f64 - 1.0));
-        found |= other == number;
-        agreeing += usize::from(other != number && agree(other));
-    });
-    let sound = offsets.len() > 1 && agreeing as f64 >= least * (offsets.len() - 1) as f64;
-    (found && !sound).then_some(offsets)
+        let cell: [i64; 3] = std::array::from_fn(|b| {
+            let at = at[b] + if a == b { step } else { 0.0 };
+            (at.floor() as i64).clamp(0, (1 << levels) - 1)
+        });
+        let (mut offsets, mut found, mut agreeing) = (Vec::with_capacity(27), false, 0_usize);
+        around.neighbours(view, levels, cell, |slot, other| {
+            offsets.push([slot % 3, slot / 3 % 3, slot / 9].map(|c| c as f64 - 1.0));
+            found |= other == number && slot == 13;
+            agreeing += usize::from(other != number && agree(other));
+        });
+        let sound = offsets.len() > 1 && agreeing as f64 >= least * (offsets.len() - 1) as f64;
+        found.then_some((!sound).then_some(offsets))
+    })?
 }
 
 /// Unit normal of the plane nearest to points (least squares), on the side of `face`, and the part of their scatter
