@@ -514,11 +514,30 @@ impl<'a> ModelView<'a> {
             self.rank.get(rank::block_entry(self.nodes.len(), at)..).unwrap_or(&[]),
         ]
     }
+
+    /// Normal codes of a voxel, of the four before it and of the four after it in file order; `None` if one of them is
+    /// missing.
+    #[inline]
+    pub(crate) fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+        codes_near(self.normals, voxel.index())
+    }
+
+    /// Normal codes around a node with an edge of 4 cells or more, like [`Self::voxel_normals_near`].
+    #[inline]
+    pub(crate) fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
+        codes_near(self.node_normals, node.index())
+    }
 }
 
 #[inline]
 fn code(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<u16> {
     codes?.get(at?).map(|c| u16::from_le_bytes(*c))
+}
+
+#[inline]
+fn codes_near(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<[u16; 9]> {
+    let near = codes?.get(at?.checked_sub(4)?..)?.first_chunk::<9>()?;
+    Some(near.map(u16::from_le_bytes))
 }
 
 // Always inlined: a traversal compiled for more instructions would otherwise call these without them.

@@ -3,9 +3,9 @@
 //! | module | its part of the decision |
 //! |---|---|
 //! | `shading_normal` | the hit of a pixel, and its normal by all that follows |
-//! | `sheet` | normals of skin that is one box thick give way to the plane of the boxes around |
+//! | `repair` | stored normals that the skin around contradicts give way to a plane fitted to that skin |
 //! | `many` | the normals of a tile's pixels together |
-//! | `neighborhood` | the boxes around a hit, from kept bricks |
+//! | `neighborhood` | the 5 x 5 x 5 boxes around a hit, from kept bricks |
 //! | `smooth` | normals of cells: a mean over those around a hit that belong to the same surface |
 //! | `blend` | normals of voxels blended between the boxes around a hit, where that is asked for |
 //! | `larger` | the same between larger leaves |
@@ -14,6 +14,6 @@ pub(crate) mod blend;
 mod larger;
 pub(crate) mod many;
 pub(crate) mod neighborhood;
+pub(super) mod repair;
 pub(crate) mod shading_normal;
-mod sheet;
 mod smooth;

@@ -8,7 +8,7 @@ use crate::load::{ModelView, NodeView};
 use super::blend;
 use super::larger;
 use super::neighborhood::Neighborhood;
-use super::sheet;
+use super::repair::{self, tile::Stored};
 use super::smooth;
 use crate::render::Smoothing;
 use crate::render::cells::Cells;
@@ -277,8 +277,8 @@ impl<'a> Normals<'a> {
         not_away(own, smooth, direction, spacing)
     }
 
-    /// World normal: the stored one, else the face's, else towards the eye. Skin whose normals are noise has the normal of
-    /// its plane; the plane of a cell is the surface itself.
+    /// World normal: the stored one unless the skin around contradicts it, else the face's, else towards the eye. The
+    /// plane of a cell is the surface itself, and is never contradicted.
     pub(crate) fn normal(
         &self,
         around: &mut Neighborhood,
@@ -375,19 +375,56 @@ impl<'a> Normals<'a> {
         line: impl Fn() -> Line,
         stored: [i32; 3],
     ) -> Option<[f64; 3]> {
+        let space = self.space;
         // In voxels instead of millimetres: a normal's components grow with the spacing.
-        let spacing = self.space.spacing_mm();
-        let in_voxels = |n: [i32; 3]| std::array::from_fn(|a| f64::from(n[a]) * spacing[a]);
-        let struck = || {
-            let edge_log2 = if seen.kind == HitKind::Voxel { 0 } else { self.lod_edge_log2 };
-            let edge = f64::from(1_u32 << edge_log2.min(31));
-            let at = self.at(seen, line).map(|c| c / edge);
-            sheet::Struck { at, edge_log2 }
+        let spacing = space.spacing_mm();
+        let scale = |n: [i32; 3]| {
+            [f64::from(n[0]) * spacing[0], f64::from(n[1]) * spacing[1], f64::from(n[2]) * spacing[2]]
         };
-        let others = |box_number: u64| self.stored(PixelHit { box_number, ..seen }, 0).map(in_voxels);
-        let shown =
-            sheet::shown(self.view, around, (face, seen.box_number), struck, in_voxels(stored), others)?;
-        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+        let in_voxels = scale(stored);
+        let struck = || self.struck(seen, face, line);
+        let cubes = self.has_cubes();
+        let near = if cubes { self.codes_near(seen) } else { None };
+        let neighbourhood = match &near {
+            Some(codes) => repair::neighbourhood_of(codes),
+            None => repair::neighbourhood(|distance| match self.stored(seen, distance) {
+                Some(other) if cubes => repair::alike_whole(stored, other, normal::SCALE),
+                Some(other) => repair::alike(in_voxels, scale(other)),
+                None => true,
+            }),
+        };
+        let shown = repair::shown(self.view, around, face, struck, in_voxels, neighbourhood)?;
+        Some([shown[0] / spacing[0], shown[1] / spacing[1], shown[2] / spacing[2]])
+    }
+
+    /// Details of the hit on a box.
+    #[inline]
+    fn struck(&self, seen: PixelHit, face: Face, line: impl Fn() -> Line) -> repair::Struck {
+        let edge_log2 = if seen.kind == HitKind::Voxel { 0 } else { self.lod_edge_log2 };
+        let (origin, sight) = line();
+        let world = add_scaled(origin, f64::from(seen.depth), sight);
+        let edge = f64::from(1_u32 << edge_log2.min(31));
+        let at = self.space.world_to_grid().apply(world);
+        let at = [at[0] / edge, at[1] / edge, at[2] / edge];
+        repair::Struck { number: seen.box_number, at, edge_log2, face }
+    }
+
+    fn has_cubes(&self) -> bool {
+        let spacing = self.space.spacing_mm();
+        spacing[0] == spacing[1] && spacing[1] == spacing[2]
+    }
+
+    /// Codes of a box, of the four before and of the four after it.
+    #[inline]
+    fn codes_near(&self, seen: PixelHit) -> Option<[u16; 9]> {
+        match seen.kind {
+            HitKind::Voxel => {
+                let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
+                self.view.voxel_normals_near(voxel)
+            }
+            HitKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
+            HitKind::Own | HitKind::Larger(_) | HitKind::Cut => None,
+        }
     }
 
     /// Transforms normals of a tile in the frame of the boxes, by axis, to world unit vectors.
@@ -402,6 +439,33 @@ impl<'a> Normals<'a> {
             Smoothing::Smooth => self.cells.is_some(),
             Smoothing::Blended => true,
         }
+    }
+
+    /// Edge of a voxel in mm, if the normals of a tile can be judged all at once.
+    pub(super) fn judged_together(&self) -> Option<f64> {
+        let plain = self.cells.is_none() && self.smoothing != Smoothing::Blended && self.has_cubes();
+        plain.then(|| self.space.spacing_mm()[0])
+    }
+
+    /// Notes the hit of a pixel, to be judged together with others; `false` if it must be handled alone.
+    #[inline]
+    pub(super) fn note(&self, stored: &mut Stored, pixel: usize, seen: PixelHit) -> bool {
+        let found = seen.face().zip(self.codes_near(seen));
+        if let Some((face, codes)) = &found {
+            stored.set(pixel, codes, *face);
+        }
+        found.is_some()
+    }
+
+    /// The scatter of the boxes around a noted pixel whose normal is doubtful; `None` where the normal stays.
+    #[inline]
+    pub(super) fn scatter(
+        &self,
+        around: &mut Neighborhood,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+    ) -> Option<[f64; 6]> {
+        repair::scatter_around(self.view, around, &self.struck(seen, seen.face()?, line))
     }
 }
 
