@@ -44,7 +44,13 @@ fn downsampling_of_thick_slices_states_what_is_left() {
 #[test]
 fn bodies_below_the_resolution_are_said_to_be_with_its_length() {
     let folder = tempfile::tempdir().unwrap();
-    let thick = built(folder.path(), "thick", [24, 24, 24], &["--spacing", "1x1x9"], ball(24, 5.0));
+    let thick = built(
+        folder.path(),
+        "thick",
+        [24, 24, 24],
+        &["--spacing", "1x1x9", "--surface", "cells"],
+        ball(24, 5.0),
+    );
     let said = |extra: &[&str]| oct(&[&["pores", &text(&thick), "--bodies"], extra].concat()).stdout;
     let shown = said(&[]);
     assert!(
@@ -54,7 +60,7 @@ fn bodies_below_the_resolution_are_said_to_be_with_its_length() {
     let shown = said(&["--least", "9000"]);
     assert!(shown.contains("0 bodies") && shown.contains("1 body of fewer voxels left out"), "{shown}");
     assert!(!shown.contains("diameter below"), "{shown}");
-    let thin = built(folder.path(), "thin", [24, 24, 24], &[], ball(24, 9.0));
+    let thin = built(folder.path(), "thin", [24, 24, 24], &["--surface", "cells"], ball(24, 9.0));
     let shown = oct(&["pores", &text(&thin), "--bodies"]).stdout;
     assert!(!shown.contains("three voxels"), "{shown}");
 }
