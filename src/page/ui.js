@@ -82,13 +82,12 @@ function drawCube() {
             n[a] = sign;
             const facing = -dot(n, view.forward), at = v => [dot(v, axes[0]) * 27, -dot(v, axes[1]) * 27];
             const [x, y] = at(n).map(c => facing > .3 ? c : 1.6 * c);
-            const letter = () => drawing.append(svg('text', {x, y}, names[2 * a + (sign > 0)]));
-            if (Math.abs(facing) < .1) letter();
-            if (facing <= .02) continue;
-            const [p, q] = [(a + 1) % 3, (a + 2) % 3].map(b => [0, 1, 2].map(i => i === b ? 1 : 0));
-            const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => at(added(added(n, p, i), q, j)).join(','));
-            drawing.append(svg('polygon', {points: corners.join(' ')}));
-            if (facing > .3) letter();
+            if (facing > .02) {
+                const [p, q] = [(a + 1) % 3, (a + 2) % 3].map(b => [0, 1, 2].map(i => i === b ? 1 : 0));
+                const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => at(added(added(n, p, i), q, j)).join(','));
+                drawing.append(svg('polygon', {points: corners.join(' ')}));
+            }
+            if (facing > .3 || Math.abs(facing) < .1) drawing.append(svg('text', {x, y}, names[2 * a + (sign > 0)]));
         }
     }
     $('cube').replaceChildren(drawing);

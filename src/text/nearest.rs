@@ -3,15 +3,15 @@
 /// Shortest word for which a name is sought, and the letters that are compared.
 const LETTERS: [usize; 2] = [3, 64];
 
-/// The value of the name nearest to a word, ignoring case; `None` if more than a third of its letters would have to
-/// change. A word may be cut short.
+/// The value of the name nearest to a word, ignoring case; `None` if more than a quarter of its letters, and more
+/// than one, would have to change. A word may be cut short.
 pub fn nearest<'n, T>(word: &str, names: impl IntoIterator<Item = (&'n str, T)>) -> Option<T> {
     let letters = |text: &str| -> Vec<char> {
         text.trim_start_matches('-').chars().flat_map(char::to_lowercase).take(LETTERS[1]).collect()
     };
     let word = letters(word);
     let near = names.into_iter().map(|(name, value)| (edits(&word, &letters(name)), value));
-    let near = near.filter(|([start, _], _)| word.len() >= LETTERS[0] && *start <= word.len() / 3);
+    let near = near.filter(|([start, _], _)| word.len() >= LETTERS[0] && *start <= (word.len() / 4).max(1));
     near.min_by_key(|(edits, _)| *edits).map(|(_, value)| value)
 }
 
@@ -40,8 +40,17 @@ mod tests {
 
     #[test]
     fn mistyped_and_shortened_words_are_recognised_and_others_are_not() {
-        let names =
-            ["--resume", "--threshold", "--threads", "--size", "liver", "Left kidney", "build", "aorta"];
+        let names = [
+            "--resume",
+            "--normals",
+            "--threshold",
+            "--threads",
+            "--size",
+            "liver",
+            "Left kidney",
+            "build",
+            "aorta",
+        ];
         for (word, meant) in [
             ("--tresh", Some("--threshold")),
             ("--treads", Some("--threads")),
@@ -52,6 +61,7 @@ mod tests {
             ("hart", None),
             ("--s", None),
             ("--channels", None),
+            ("--format", None),
         ] {
             assert_eq!(nearest(word, names.map(|name| (name, name))), meant, "{word}");
         }

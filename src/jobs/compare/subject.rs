@@ -93,14 +93,16 @@ impl Input {
         };
         let summary = convert(kind, &inputs, &OpenOptions::default(), &job)?;
         let model = Model::map(&built)?;
-        let spacing = model.affine().spacing_mm();
-        Ok(Self {
-            path: path.to_path_buf(),
-            grid_mm: Some(spacing.into_iter().fold(f64::INFINITY, f64::min)),
-            model,
-            warnings: summary.warnings,
-            _folder: Some(folder),
-        })
+        let edge = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let mut warnings = summary.warnings;
+        if kind == SubjectKind::Mesh {
+            warnings.push(format!(
+                "{} was made into cells of {} mm, in which thinner walls may be lost: the largest distances may be theirs",
+                crate::text::shown(path),
+                crate::text::Short(edge)
+            ));
+        }
+        Ok(Self { path: path.to_path_buf(), grid_mm: Some(edge), model, warnings, _folder: Some(folder) })
     }
 }
 
