@@ -281,7 +281,7 @@ impl Evidence {
 
     /// Counts neighbours along rows, or down a part of one column. `counted` holds the counts before, which have few
     /// values in a map.
-    pub(super) fn add_edges<T: Ordered>(&mut self, part: &SampleRange, samples: &[T], counted: &[u32]) {
+    pub(super) fn add_edges<T: Ordered>(&mut self, part: &SampleSpan, samples: &[T], counted: &[u32]) {
         let Some(first) = samples.first().filter(|_| self.may_be_map) else { return };
         self.parts += 1;
         if self.parts.is_power_of_two() {
@@ -320,7 +320,7 @@ impl Evidence {
     }
 
     /// Counts the pairs of values in the rows of a part, and the ends of the volume's rows.
-    pub(super) fn add_rows<T: Ordered>(&mut self, dims: Dims, part: &SampleRange, samples: &[T]) {
+    pub(super) fn add_rows<T: Ordered>(&mut self, dims: Dims, part: &SampleSpan, samples: &[T]) {
         let (Range { start, end }, mut left) = (part.columns.clone(), PAIRS_OF_PART);
         if !self.may_be_map {
             return;
@@ -361,7 +361,7 @@ impl Evidence {
     }
 
     /// Counts the samples of a part that lie outside the ellipse.
-    pub(super) fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &SampleRange, samples: &[T]) {
+    pub(super) fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &SampleSpan, samples: &[T]) {
         if !self.may_be_padded {
             return;
         }
@@ -548,7 +548,7 @@ pub(super) fn part(of: u64, all: u64) -> f64 {
 }
 
 /// Position of the samples that a worker is given.
-pub(super) struct SampleRange {
+pub(super) struct SampleSpan {
     pub(super) columns: Range<u32>,
     pub(super) lines: Range<u32>,
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::BuildError;
 use super::evidence::{
-    EVIDENCE_WORDS, Evidence, Levels, MAX_LABELS, MAX_PAIRS, Pair, SampleRange, below_air, may_be_map,
+    EVIDENCE_WORDS, Evidence, Levels, MAX_LABELS, MAX_PAIRS, Pair, SampleSpan, below_air, may_be_map,
     outside_samples, part,
 };
 use super::parallel::{Blocks, Share, run_workers};
@@ -166,7 +166,7 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
     if !may_be_map(source) {
         return Ok(false);
     }
-    let edges = by_type!(scalar, T => add_looked::<T> as fn(&mut Evidence, Dims, &SampleRange, &[u8]));
+    let edges = by_type!(scalar, T => add_looked::<T> as fn(&mut Evidence, Dims, &SampleSpan, &[u8]));
     let evidence = Mutex::new(Evidence::new(true, 0));
     let look = |z: u32| {
         let blocks = Blocks::new(dims, EXTREMES_READ_BYTES / scalar.bytes()).of_slices(z..z + 1);
@@ -199,7 +199,7 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
 }
 
 /// Adds samples to the evidence for a map of labels.
-fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &SampleRange, samples: &[u8]) {
+fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &SampleSpan, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
     evidence.add_edges(part, samples, &[]);
     evidence.add_rows(dims, part, samples);
@@ -229,7 +229,7 @@ impl Tally {
             }
         };
         let VolumeInfo { dims, scalar, .. } = *source.info();
-        let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &SampleRange, &[u8]));
+        let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &SampleSpan, &[u8]));
         let start = Evidence::new(may_be_map(source), outside_samples(dims));
         let evidence = Mutex::new(start.clone());
         for_each_part(
@@ -349,7 +349,7 @@ struct Counter {
 }
 
 /// Counts the samples of a part.
-fn count<T: Ordered>(counter: &mut Counter, part: &SampleRange, samples: &[u8]) {
+fn count<T: Ordered>(counter: &mut Counter, part: &SampleSpan, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
     let Counter { counts, low, width, dims, evidence, .. } = counter;
     evidence.add_edges(part, samples, counts);
@@ -398,7 +398,7 @@ fn for_each_part<L>(
     (threads, read_bytes): (usize, usize),
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &SampleRange, &[u8]) + Sync),
+    work: &(dyn Fn(&mut L, &SampleSpan, &[u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let VolumeInfo { dims, scalar, .. } = *source.info();
@@ -413,7 +413,7 @@ fn for_each_block<L>(
     threads: usize,
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &SampleRange, &[u8]) + Sync),
+    work: &(dyn Fn(&mut L, &SampleSpan, &[u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let sample_bytes = source.info().scalar.bytes();
@@ -426,7 +426,7 @@ fn for_each_block<L>(
             let Some((columns, lines, z)) = blocks.next() else { break };
             let count = columns.len() * lines.len();
             let samples = &mut bytemuck::cast_slice_mut(&mut buffer)[..count * sample_bytes];
-            let part = SampleRange { columns: columns.clone(), lines: lines.clone() };
+            let part = SampleSpan { columns: columns.clone(), lines: lines.clone() };
             source.read_rows(z, lines, columns, samples)?;
             work(&mut local, &part, samples);
             progress.advance(count as u64);
@@ -501,7 +501,7 @@ mod tests {
         let (mut whole, mut local) = (start(), vec![0_u32; BINS]);
         let [nx, ny, _] = dims.to_array().map(|n| n as usize);
         for slice in samples.chunks(nx * ny) {
-            let part = SampleRange { columns: 0..dims.nx(), lines: 0..dims.ny() };
+            let part = SampleSpan { columns: 0..dims.nx(), lines: 0..dims.ny() };
             let mut own = start();
             own.add_edges(&part, slice, &local);
             own.add_rows(dims, &part, slice);

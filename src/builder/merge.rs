@@ -13,7 +13,7 @@ use super::brick::{BrickReader, channel_bytes, infobytes};
 use super::error::BuildError;
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, GroupCounts, Layout, StoredChannels};
-use super::parts::{Anisotropy, RecordForm};
+use super::parts::{RecordField, RecordForm};
 use super::reduce::Reduced;
 use super::solid::VoxelBox;
 use super::swap::{BrickEntry, Scratch};
@@ -225,15 +225,15 @@ impl<'a> Merge<'a> {
     }
 
     /// Offset of a stretch of a group's bytes; `None` if it is not written.
-    fn offset(&self, group: &Group, stretch: Anisotropy) -> Option<u64> {
+    fn offset(&self, group: &Group, stretch: RecordField) -> Option<u64> {
         let Group { first, counts } = group;
         if let Some(form) = self.record {
             return form.offset(counts, stretch).map(|offset| first.record + offset);
         }
         let of = |at: usize| self.target.channels.forms.get(at);
         match stretch {
-            Anisotropy::Nodes(e) => self.target.offset(SectionKind::Nodes, first.node[e], 1),
-            Anisotropy::Items(at) => of(at).and_then(|ChannelForm { channel, form }| {
+            RecordField::Nodes(e) => self.target.offset(SectionKind::Nodes, first.node[e], 1),
+            RecordField::Items(at) => of(at).and_then(|ChannelForm { channel, form }| {
                 let (row, bytes) = (channel.row(), form.stored_bytes());
                 let item = if row.is_sparse { first.corners } else { first.voxel };
                 match row.is_coded {
@@ -241,10 +241,10 @@ impl<'a> Merge<'a> {
                     false => self.target.offset(SectionKind::Voxels(*channel), item, bytes),
                 }
             }),
-            Anisotropy::Means(at, e) => of(at).and_then(|ChannelForm { channel, form }| {
+            RecordField::Means(at, e) => of(at).and_then(|ChannelForm { channel, form }| {
                 self.target.offset(SectionKind::Means(*channel), first.node[e], form.stored_bytes())
             }),
-            Anisotropy::Summaries => Some(self.summaries + first.brick * self.summary_bytes as u64),
+            RecordField::Summaries => Some(self.summaries + first.brick * self.summary_bytes as u64),
         }
     }
 
@@ -353,12 +353,12 @@ impl MergeWorker {
     fn emit(&mut self, merge: &Merge<'_>, group: &Group, bricks: &[WalkedBrick]) -> Result<(), BuildError> {
         let target = merge.target;
         for e in 1..=merge.levels() as usize {
-            self.nodes[e - 1].restart(merge.offset(group, Anisotropy::Nodes(e)));
+            self.nodes[e - 1].restart(merge.offset(group, RecordField::Nodes(e)));
         }
         for (at, runs) in self.channels.iter_mut().enumerate() {
-            runs.items.restart(merge.offset(group, Anisotropy::Items(at)));
+            runs.items.restart(merge.offset(group, RecordField::Items(at)));
             for e in 2..=merge.levels() as usize {
-                runs.means[e - 1].restart(merge.offset(group, Anisotropy::Means(at, e)));
+                runs.means[e - 1].restart(merge.offset(group, RecordField::Means(at, e)));
             }
         }
         for ([normals, offsets], first) in self.leaves.iter_mut().zip(group.first.leaf) {
@@ -383,7 +383,7 @@ impl MergeWorker {
             runs.items.flush(target)?;
             runs.means.iter_mut().try_for_each(|run| run.flush(target))?;
         }
-        let at = merge.offset(group, Anisotropy::Summaries).unwrap_or(0);
+        let at = merge.offset(group, RecordField::Summaries).unwrap_or(0);
         match merge.record {
             Some(_) => target.file.write_all_at(&self.summaries, at).map_err(|e| target.error(e)),
             None => merge.scratch.write(&self.summaries, at),

@@ -119,7 +119,7 @@ function showLegend() {
     $('legend').hidden = !page.view.colors;
     bar.style.background = `linear-gradient(to right, ${colors.map(color => `rgb(${color})`)})`;
     [...ticks.children].forEach((tick, i) => {
-        // The colours of the ends are also those of values beyond.
+        // Values beyond the ends have the colours of the ends.
         const beyond = i > 1 ? '≥ ' : low && !i ? '≤ ' : '';
         tick.textContent = beyond + +(low + i / 2 * (high - low)).toPrecision(3);
     });

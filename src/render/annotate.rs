@@ -102,7 +102,7 @@ impl Ramp {
             let part = f64::from(tick) / f64::from(TICKS - 1);
             let value = lo + part * (hi - lo);
             let number = Short(if value.abs() < 1e-12 * (hi - lo) { 0.0 } else { value });
-            // The colours of the ends are also those of values beyond.
+            // Values beyond the ends have the colours of the ends.
             let beyond = match tick {
                 0 if lo != 0.0 => "≤ ",
                 _ if tick == TICKS - 1 => "≥ ",

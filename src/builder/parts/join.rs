@@ -11,7 +11,7 @@ use super::cut::{Cuts, PartId};
 use super::fault::PartFault;
 use super::head::Head;
 use super::read::{Cursor, PartFile, STEP, at, for_each_step};
-use super::record::{Anisotropy, Entry, RecordForm};
+use super::record::{Entry, RecordField, RecordForm};
 use crate::atomic::AtomicFile;
 use crate::builder::error::{BuildError, BuildFault};
 use crate::builder::item::ChannelForm;
@@ -258,12 +258,12 @@ impl<'a> Joiner<'a> {
     fn new(target: &'a Target<'a>, census: &Census, form: &RecordForm) -> Self {
         let of = |at: usize| target.channels.forms.get(at);
         let start = |stretch| match stretch {
-            Anisotropy::Summaries => None,
-            Anisotropy::Nodes(e) => target.offset(SectionKind::Nodes, first_node(census, e), 1),
-            Anisotropy::Items(at) => {
+            RecordField::Summaries => None,
+            RecordField::Nodes(e) => target.offset(SectionKind::Nodes, first_node(census, e), 1),
+            RecordField::Items(at) => {
                 of(at).and_then(|c: &ChannelForm| target.offset(SectionKind::Voxels(c.channel), 0, 0))
             }
-            Anisotropy::Means(at, e) => of(at).and_then(|c| {
+            RecordField::Means(at, e) => of(at).and_then(|c| {
                 let kind = SectionKind::Means(c.channel);
                 target.offset(kind, first_node(census, e), c.form.stored_bytes())
             }),
@@ -295,7 +295,7 @@ impl<'a> Joiner<'a> {
                 let now = usize::try_from(*left).unwrap_or(usize::MAX).min(rest.len());
                 let (bytes, later) = rest.split_at(now);
                 match stretch {
-                    Anisotropy::Summaries => summaries.extend_from_slice(bytes),
+                    RecordField::Summaries => summaries.extend_from_slice(bytes),
                     _ => run.put(target, bytes)?,
                 }
                 *left -= now as u64;

@@ -44,5 +44,5 @@ pub(crate) use cut::{Cuts, PartId};
 pub(crate) use fault::PartFault;
 pub(crate) use join::{Joined, join};
 pub(crate) use read::PartFile;
-pub(super) use record::{Anisotropy, RecordForm};
+pub(super) use record::{RecordField, RecordForm};
 pub(super) use write::PartWriter;

@@ -9,7 +9,7 @@ pub(crate) const ENTRY_BYTES: usize = 56;
 
 /// A stretch of a record, which belongs to one level of one section of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::builder) enum Anisotropy {
+pub(in crate::builder) enum RecordField {
     /// Code and sums of every brick, for the levels above.
     Summaries,
     /// Infobytes of boxes with an edge of 2^e.
@@ -32,28 +32,28 @@ enum Number {
 /// The stretches of records, in order, each with the bytes of an item.
 #[derive(Clone, Debug)]
 pub(in crate::builder) struct RecordForm {
-    stretches: Vec<(Anisotropy, Number, usize)>,
+    stretches: Vec<(RecordField, Number, usize)>,
 }
 
 impl RecordForm {
     pub(super) fn new(channels: &StoredChannels, depth: u32) -> Self {
         let levels = depth.min(BRICK_LEVELS) as usize;
         let brick = BRICK_LEVELS as usize;
-        let mut stretches = vec![(Anisotropy::Summaries, Number::Boxes(brick), summary_bytes_of(channels))];
-        stretches.extend((1..=levels).map(|e| (Anisotropy::Nodes(e), Number::Boxes(e), 1)));
+        let mut stretches = vec![(RecordField::Summaries, Number::Boxes(brick), summary_bytes_of(channels))];
+        stretches.extend((1..=levels).map(|e| (RecordField::Nodes(e), Number::Boxes(e), 1)));
         for (at, (channel, rule)) in channels.with_means().enumerate() {
             let item = channel.form.stored_bytes();
             let number = if channel.channel.row().is_sparse { Number::Corners } else { Number::Voxels };
-            stretches.push((Anisotropy::Items(at), number, item));
+            stretches.push((RecordField::Items(at), number, item));
             if rule.is_some() {
-                stretches.extend((2..=levels).map(|e| (Anisotropy::Means(at, e), Number::Boxes(e), item)));
+                stretches.extend((2..=levels).map(|e| (RecordField::Means(at, e), Number::Boxes(e), item)));
             }
         }
         Self { stretches }
     }
 
     /// The stretches of a group, each with its bytes.
-    pub(super) fn lengths(&self, counts: GroupCounts) -> impl Iterator<Item = (Anisotropy, u64)> {
+    pub(super) fn lengths(&self, counts: GroupCounts) -> impl Iterator<Item = (RecordField, u64)> {
         let GroupCounts { boxes, voxels, corners } = counts;
         self.stretches.iter().map(move |(stretch, number, item)| {
             let count = match number {
@@ -66,7 +66,7 @@ impl RecordForm {
     }
 
     /// Offset of a stretch in the record; `None` if it is not stored.
-    pub(in crate::builder) fn offset(&self, counts: &GroupCounts, of: Anisotropy) -> Option<u64> {
+    pub(in crate::builder) fn offset(&self, counts: &GroupCounts, of: RecordField) -> Option<u64> {
         let mut offset = 0;
         for (stretch, bytes) in self.lengths(*counts) {
             if stretch == of {

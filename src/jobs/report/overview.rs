@@ -109,7 +109,8 @@ fn verdict(rows: &[Row], drawn: Drawn, voxel_mm: Option<f64>) -> Option<String> 
     let off = |row: &Row| {
         let (rms, most) = (rms(row)?, row.errors.get(Metric::DepthMax)?);
         let mm = |voxels| voxel_mm.map(|mm| format!(" ({} mm)", Short(voxels * mm))).unwrap_or_default();
-        Some(format!("{rms:.3} voxel{} RMS, {most:.2}{} at most", mm(rms), mm(most)))
+        let over = if voxel_mm.is_some() { "" } else { " (medians over the bodies)" };
+        Some(format!("{rms:.3} voxel{} RMS, {most:.2}{} at most{over}", mm(rms), mm(most)))
     };
     let keep = if now > 0.0 {
         format!("Keep the default, which is off by {}", off(usual)?)

@@ -1,4 +1,4 @@
-//! What users met on their first day, and what they are told there now.
+//! Stumbles of users on their first day, and the sentences that help now.
 
 use super::{ball, built, raw};
 use crate::prelude::*;
