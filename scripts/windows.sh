@@ -101,7 +101,8 @@ if [ "$it" ]; then
     passed
     # On a busy machine Wine now and then cannot start a process (1359): what failed by that is tried once more, and named.
     for name in $(comm -23 "$work/due" "$work/passed"); do
-        if sed -n "/^---- $name stdout/,/^----/p" "$work/log" | grep -q 'os error 1359\|code: 1359'; then
+        if { sed -n "/^---- $name stdout/,/^----/p" "$work/log" && grep -A 3 "thread '$name'" "$work/log"; } |
+            grep -q 'os error 1359\|code: 1359'; then
             echo "windows: Wine could not start a process, tried again: $name"
             timeout -k 5 300 wine "$work/it.exe" --exact "$name" </dev/null 2>&1 | tr -d '\r' >>"$work/log" || true
         fi
