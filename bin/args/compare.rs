@@ -62,7 +62,7 @@ pub(crate) struct CompareArgs {
     /// Standard deviation of the threshold of ACTUAL, in its values: says how far it moves all cells together
     #[arg(long, value_name = "V")]
     pub(crate) threshold_sigma: Option<f64>,
-    /// Measure NOMINAL from ACTUAL, too, for the Hausdorff distance
+    /// Measure NOMINAL from ACTUAL, too: what ACTUAL lacks does not conform
     #[arg(long)]
     pub(crate) both_ways: bool,
     /// Worst places to list

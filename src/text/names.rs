@@ -39,6 +39,7 @@ macro_rules! names {
 names! {
     // Options: fields of the types of options, or values of such a field.
     ALL_VOLUMES = "all_volumes",
+    BOTH_WAYS = "both_ways",
     CHANNELS = "channels",
     COMPONENT_CONNECTIVITY = "ComponentConnectivity",
     DIMS = "dims",

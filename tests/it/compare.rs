@@ -263,6 +263,38 @@ fn meshes_are_built_twice_as_fine_and_volumes_by_their_threshold() {
     assert_eq!(names(stage.folder.path()), ["a.oct", "a.stl"], "nothing is left");
 }
 
+/// Cells cut sharp edges off by up to half a voxel, which is no defect of the part; a face that is moved is.
+#[test]
+fn sharp_edges_of_trees_are_not_beyond_a_tolerance_for_certain() {
+    let stage = Stage::new();
+    let [block, lower] = [("block.scad", 20.0), ("lower.scad", 19.4)].map(|(name, height)| {
+        fs::write(stage.at(name), format!("rotate([10,20,30]) cube([40,30,{height}]);")).unwrap();
+        stage.at(name)
+    });
+    let model = stage.at("block.oct");
+    assert_eq!(oct(&["build", &block, "-o", &model, "--grid", "64"]).code, 0);
+    for (nominal, tolerance, verdict) in [
+        (&block, "0.1", (7, "undecided")),
+        (&block, "1", (0, "conforms")),
+        (&lower, "0.1", (6, "does_not_conform")),
+    ] {
+        let (code, report) = compared(&[&model, nominal, "--tolerance", tolerance]);
+        let found = report["tolerance"]["verdict"].as_str();
+        assert_eq!((code, found), (verdict.0, Some(verdict.1)), "{tolerance}: {report:#}");
+        let sure = number(&report, "/uncertainty/median_u95_mm");
+        assert!(sure < 0.05, "faces are sharp: {sure}");
+    }
+    let pillar = stage.at("pillar.scad");
+    let scad = "rotate([10,20,30]) union() { cube([40,30,20]); translate([45,10,5]) cube(5); }";
+    fs::write(&pillar, scad).unwrap();
+    let one_way = ["--tolerance", "1"];
+    let (code, report) = compared(&[&[model.as_str(), pillar.as_str()], &one_way[..]].concat());
+    assert_eq!(code, 0);
+    assert!(report["warnings"].to_string().contains("--both-ways"), "{report:#}");
+    assert_eq!(compared(&[&model, &pillar, "--tolerance", "1", "--both-ways"]).0, 6);
+    assert_eq!(compared(&[&model, &block, "--tolerance", "1", "--both-ways"]).0, 0);
+}
+
 #[test]
 fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     let stage = Stage::new();

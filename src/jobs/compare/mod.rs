@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::export::refuse_input;
+use super::info::has_values;
 use super::open_model::refuse_larger_leaves;
 use super::pass::{PageRelief, Pass, Records};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::error::Error;
 use crate::fault::usage;
-use crate::format::{ColorMap, Quantity};
+use crate::format::{ColorMap, Quantity, SelectionKind};
 use crate::geom::{Affine, dot};
 use crate::interior::extent;
 use crate::load::{Model, ModelView};
@@ -25,8 +26,8 @@ use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
 use crate::platform;
 use crate::progress::Progress;
-use crate::text::data;
-use crate::text::names::UNCERTAINTY;
+use crate::text::names::{BOTH_WAYS, ISO, UNCERTAINTY};
+use crate::text::{Short, data};
 
 use farthest::Farthest;
 pub use report::{
@@ -141,10 +142,27 @@ pub fn compare(
     let mut report = job.run(outputs, folder)?;
     report.inputs = [actual, nominal].map(data);
     (report.actual_grid_mm, report.nominal_grid_mm) = (one.grid_mm, other.grid_mm);
-    report.warnings.splice(0..0, one.warnings.into_iter().chain(other.warnings));
+    let thresholds = other_thresholds([&one, &other]);
+    report.warnings.splice(0..0, one.warnings.into_iter().chain(other.warnings).chain(thresholds));
     report.peak_rss_bytes = peak_rss_bytes();
     report.wall_s = start.elapsed().as_secs_f64();
     Ok(report)
+}
+
+/// Note on a volume that was built at a threshold of its own, next to one with another.
+fn other_thresholds(inputs: [&Input; 2]) -> Option<String> {
+    let of = inputs.map(|input| input.model.metadata());
+    let is_own = |i: usize| inputs[i].grid_mm.is_some() && of[i].selection.kind == SelectionKind::Otsu;
+    let of_volumes = of.iter().all(|of| has_values(of));
+    let [one, other] = of.map(|of| of.selection.lo);
+    ((is_own(0) || is_own(1)) && of_volumes && one.to_bits() != other.to_bits()).then(|| {
+        format!(
+            "ACTUAL is the surface at {}, NOMINAL at {}, as each volume has a threshold of its own by default; {ISO} sets one \
+             for both",
+            Short(one),
+            Short(other)
+        )
+    })
 }
 
 fn measured<'a>(input: &'a Input, view: &'a ModelView<'a>) -> Result<Measured<'a>, Error> {
@@ -197,6 +215,7 @@ impl Job<'_> {
         let rule = Rule { placement: placement.affine(), radius_mm, cosine };
         let mut records = Records::create(folder, outputs.csv, "deviation")?;
         let mut found = Found::new(radius_mm, one.surface.space.finest);
+        found.has_intervals = one.doubt.is_known() && other.doubt.is_known();
         let mut farthest = Farthest::default();
         self.progress.stage("comparing", one.model.header().voxels);
         self.measure(&rule, [one, other], |row| {
@@ -365,6 +384,8 @@ struct Found {
     intervals: Distribution,
     squares: [f64; 2],
     known_mm2: f64,
+    /// True if most cells have an interval, so that one without it is not beyond the tolerance for certain.
+    has_intervals: bool,
     /// Sum by area of how far cells move where the threshold rises by one unit, and the area.
     shift: [f64; 2],
 }
@@ -404,7 +425,7 @@ impl Found {
         let u = row.u95_mm().unwrap_or(0.0);
         if lo + u <= value && value <= hi - u {
             self.within_mm2 += row.area_mm2;
-        } else if value < lo - u || value > hi + u {
+        } else if (value < lo - u || value > hi + u) && (row.squares.is_some() || !self.has_intervals) {
             self.beyond_mm2 += row.area_mm2;
             self.beyond += 1;
         } else {
@@ -421,6 +442,11 @@ impl Found {
         distances: [Option<f64>; 2],
         worst: Vec<Worst>,
     ) -> CompareReport {
+        let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
+        // A place of the nominal without any surface near it that conforms, edges that cells cut off included.
+        let lacks = |[lo, hi]: [f64; 2]| {
+            distances[1].is_some_and(|mm| mm.min(rule.radius_mm) > lo.abs().max(hi.abs()) + diagonal)
+        };
         let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
         self.without.share = share(self.without.area_mm2);
         let tolerance = job.request.tolerance_mm.map(|[lo, hi]| Tolerance {
@@ -430,6 +456,7 @@ impl Found {
             outside: share(self.beyond_mm2),
             undecided: share(self.without.area_mm2 + self.doubtful_mm2),
             verdict: match (self.beyond, self.without.cells + self.doubtful, self.distribution.count()) {
+                _ if lacks([lo, hi]) => Verdict::DoesNotConform,
                 (0, 0, 1..) => Verdict::Conforms,
                 (0, ..) => Verdict::Undecided,
                 _ => Verdict::DoesNotConform,
@@ -445,7 +472,6 @@ impl Found {
         });
         let deviation = Deviation::of(&self.distribution);
         let [to_nominal, to_actual] = distances.map(|distance| distance.filter(|mm| mm.is_finite()));
-        let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
         let mut report = CompareReport {
             inputs: job.paths.map(data),
             radius_mm: rule.radius_mm,
@@ -470,6 +496,13 @@ impl Found {
             report.warnings.push(format!(
                 "one of the models does not state how uncertain it is, so no interval is given; build both with {UNCERTAINTY}"
             ));
+        }
+        if job.request.tolerance_mm.is_some_and(lacks) {
+            report.warnings.push("a part of NOMINAL has nothing of ACTUAL within the tolerance".into());
+        } else if report.verdict() == Some(Verdict::Conforms) && distances[1].is_none() {
+            report
+                .warnings
+                .push(format!("what ACTUAL lacks of NOMINAL is not looked for without {BOTH_WAYS}"));
         }
         report.warn(distances.contains(&Some(f64::INFINITY)));
         report

@@ -160,7 +160,7 @@ pub struct Tolerance {
 pub enum Verdict {
     /// All cells lie within the tolerance.
     Conforms,
-    /// A cell lies beyond it.
+    /// A cell lies beyond it, or, measured both ways, a part of the nominal is lacking.
     DoesNotConform,
     /// No cell lies beyond it, but some have no counterpart.
     Undecided,

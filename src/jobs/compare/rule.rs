@@ -1,8 +1,9 @@
 //! The deviation of a cell of one model from the surface of the other.
 
 use crate::geom::{Affine, VoxelIndex};
-use crate::load::{Model, ModelView};
-use crate::measure::nearest::{Found, Query, Search, Surface};
+use crate::jobs::info::has_values;
+use crate::load::Model;
+use crate::measure::nearest::{Found, OctreeBox, Query, Search, Surface};
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
 /// Area below which a plane meets its cell in a corner or an edge only, as a part of the finest spacing's square.
@@ -49,7 +50,7 @@ impl Row {
 pub(super) enum Doubt<'a> {
     /// By the noise of its volume.
     Volume(Uncertainty<'a>),
-    /// By the voxels of its grid, in mm2, for a mesh or a tree.
+    /// By the voxels of its grid, whose longest edge is so many mm, for a mesh or a tree.
     Grid(f64),
     Unknown,
 }
@@ -57,12 +58,17 @@ pub(super) enum Doubt<'a> {
 /// Error of a mesh's or a tree's cells against it, in voxels of its grid: RMS of the bunny's.
 const GRID_ERROR: f64 = 0.015;
 
+/// The same at sharp edges, which cells cut off. In turned cubes, cones and wedges of 10 to 150 degrees 99 of 100 such cells
+/// are off by at most 0.39 voxel, all but two by 0.46, and these at tips by 0.6 and 0.93.
+const EDGE_ERROR: f64 = 0.25;
+
+/// Deviation in voxels of the grid below which edges are not asked for.
+const AT_ONCE: f64 = 0.05;
+
 impl<'a> Doubt<'a> {
     pub(super) fn of(model: &'a Model) -> Self {
-        let is_solid = matches!(model.metadata().source.format.as_str(), "mesh" | "csg");
-        if is_solid && !model.header().leaves {
-            let edge = model.metadata().spacing_mm.into_iter().fold(0.0, f64::max);
-            return Self::Grid((GRID_ERROR * edge).powi(2));
+        if !has_values(model.metadata()) && !model.header().leaves {
+            return Self::Grid(model.metadata().spacing_mm.into_iter().fold(0.0, f64::max));
         }
         Uncertainty::of(model).map_or(Self::Unknown, Self::Volume)
     }
@@ -75,10 +81,22 @@ impl<'a> Doubt<'a> {
         }
     }
 
-    fn squares_mm2(&self, view: &ModelView<'_>, cell: u64) -> Option<[f64; 2]> {
+    /// True if most cells have an interval.
+    pub(super) fn is_known(&self) -> bool {
+        !matches!(self, Self::Unknown)
+    }
+
+    /// Squares of the standard deviations of a place by noise and by the model, in mm2, where the deviation is so many mm.
+    fn squares_mm2(&self, surface: &Surface<'_>, place: OctreeBox, value: f64) -> Option<[f64; 2]> {
         match self {
-            Self::Volume(uncertainty) => uncertainty.squares_mm2(view, VoxelIndex::new(cell)),
-            Self::Grid(square) => Some([0.0, *square]),
+            Self::Volume(uncertainty) => {
+                uncertainty.squares_mm2(surface.view, VoxelIndex::new(surface.cell(place.number)))
+            }
+            Self::Grid(edge) => {
+                let is_cut = value.abs() > AT_ONCE * edge && surface.is_at_edge(place);
+                let error = if is_cut { EDGE_ERROR } else { GRID_ERROR };
+                Some([0.0, (error * edge).powi(2)])
+            }
             Self::Unknown => None,
         }
     }
@@ -165,8 +183,9 @@ impl Rule {
             return;
         };
         row.value = Some(value);
-        let own = one.doubt.squares_mm2(one.surface.view, row.number);
-        let others = || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
+        let own_place = one.surface.cell_place(row.number, row.cell);
+        let own = one.doubt.squares_mm2(&one.surface, own_place, value);
+        let others = || other.doubt.squares_mm2(&other.surface, found.place, value);
         row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
     }
 }

@@ -10,11 +10,15 @@
 //! The normal alone errs at edges and in noise, by as much as the distance; ways to a centroid meet the steps between cells.
 
 use crate::format::cell::{CORNERS, at_corner};
-use crate::geom::{BoxIndex, Octant};
+use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::{CellShape, NodeView, PlanePart};
 
 use super::tree::ALONG;
 use super::{Found, ON, OctreeBox, Search, Surface};
+
+/// Cosine of the angle between the normals of face neighbours from which on there is a sharp edge: 11.5 degrees, where an
+/// arc has a radius of 5 voxels. Cells of bodies with less lie within 0.05 voxel of them, and with more up to 0.45.
+const BEND: f64 = 0.98;
 
 /// Where a point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +80,32 @@ impl Surface<'_> {
         let is_within = (0..3).all(|a| cell[a] >= 0.0 && cell[a] < f64::from(self.dims[a]));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the grid")]
         is_within.then(|| cell.map(|c| c as u32))
+    }
+
+    /// The cell or larger leaf that holds a cell of the grid. Cost: a step a level.
+    fn holder(&self, cell: [u32; 3]) -> Option<OctreeBox> {
+        let depth = self.view.depth();
+        let mut place = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: depth };
+        (cell.iter().all(|c| u64::from(*c) < 1 << depth)).then_some(())?;
+        while place.level > 0 && !self.is_leaf(place) {
+            let level = place.level - 1;
+            let high = cell.map(|c| c >> level & 1);
+            let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
+            let number = self.view.child(place.number.node(), octant)?;
+            place = OctreeBox { number, low: cell.map(|c| c >> level << level), level };
+        }
+        Some(place)
+    }
+
+    /// True if the surface turns by more than [`BEND`] between a cell and a face neighbour, as it does at a sharp edge, which
+    /// cells cut off.
+    pub(crate) fn is_at_edge(&self, place: OctreeBox) -> bool {
+        let own = self.sample(place).normal;
+        (0..3).flat_map(|axis| [(axis, 1 << place.level), (axis, u32::MAX)]).any(|(axis, step)| {
+            let mut cell = place.low;
+            cell[axis] = cell[axis].wrapping_add(step);
+            self.holder(cell).is_some_and(|next| dot(own, self.sample(next).normal) < BEND)
+        })
     }
 
     /// True if a point of a cell, or of a larger leaf, is behind the surface in it.
