@@ -101,8 +101,11 @@ if [ "$it" ]; then
     passed
     # On a busy machine Wine now and then cannot start a process (1359): what failed by that is tried once more, and named.
     for name in $(comm -23 "$work/due" "$work/passed"); do
-        if { sed -n "/^---- $name stdout/,/^----/p" "$work/log" && grep -A 3 "thread '$name'" "$work/log"; } |
-            grep -q 'os error 1359\|code: 1359'; then
+        # No pipe into `grep -q`: it ends at the first line found, and what writes into it then counts as failed.
+        if grep -q 'os error 1359\|code: 1359' <(
+            sed -n "/^---- $name stdout/,/^----/p" "$work/log"
+            grep -A 3 "thread '$name'" "$work/log"
+        ); then
             echo "windows: Wine could not start a process, tried again: $name"
             timeout -k 5 300 wine "$work/it.exe" --exact "$name" </dev/null 2>&1 | tr -d '\r' >>"$work/log" || true
         fi
