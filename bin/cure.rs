@@ -1,8 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 28] = [
-    ("ComponentConnectivity", "--component-connectivity"),
+const OTHERWISE: [(&str, &str); 27] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),

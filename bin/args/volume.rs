@@ -375,29 +375,29 @@ pub(crate) struct CleanArgs {
     /// passes: the volume once (for this and all below together), the bits once
     #[arg(long, value_name = "R", value_parser = parse::closing)]
     pub(crate) close: Option<u32>,
-    /// Fill what is enclosed: parts of the outside that do not reach the border of the volume, connected by the
-    /// complement of --component-connectivity. Extra passes: the bits twice
+    /// Fill what is enclosed: parts of the outside, connected through faces, that do not reach the border of the volume.
+    /// Extra passes: the bits twice
     #[arg(long)]
     pub(crate) fill_cavities: bool,
-    /// Keep the N largest components, of equal ones the first in z, y, x. Extra passes: the bits twice
+    /// Keep the N largest components, of equal ones the first in z, y, x; each becomes one body of triangles. Extra passes:
+    /// the bits twice
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::keep_largest)]
     pub(crate) keep_largest: Option<u32>,
     /// Drop components of fewer voxels, or of less than a part of the largest one. Extra passes: the bits twice,
     /// together with --keep-largest
     #[arg(long, value_name = "VOXELS|PERCENT%", allow_negative_numbers = true)]
     pub(crate) drop_below: Option<SizeLimit>,
-    /// Voxels of one component share a face (6), or a face, an edge or a corner (26)
-    #[arg(long, value_name = "26|6", default_value = "26", value_parser = parse::component_connectivity)]
+    /// Voxels of one component share a face (6), or a face, an edge or a corner (26), at which triangles come apart
+    #[arg(long, value_name = "26|6", default_value = "6", value_parser = parse::component_connectivity)]
     pub(crate) component_connectivity: ComponentConnectivity,
 }
 
 impl CleanArgs {
     /// Refuses a rule for components where none are looked for.
     pub(crate) fn refuse_ignored(&self) -> Result<(), String> {
-        let looked_for = self.fill_cavities || self.keep_largest.is_some() || self.drop_below.is_some();
-        if self.component_connectivity == ComponentConnectivity::Faces6 && !looked_for {
-            let of = "--fill-cavities, --keep-largest and --drop-below";
-            return Err(not_of("--component-connectivity", of));
+        let looked_for = self.keep_largest.is_some() || self.drop_below.is_some();
+        if self.component_connectivity != ComponentConnectivity::default() && !looked_for {
+            return Err(not_of("--component-connectivity", "--keep-largest and --drop-below"));
         }
         Ok(())
     }

@@ -44,24 +44,16 @@ const FINISHED: u32 = u32::MAX;
 /// Neighbourhood of voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 pub enum ComponentConnectivity {
-    /// Voxels that share a face.
+    /// Voxels that share a face. The triangles around them are one body.
+    #[default]
     #[serde(rename = "6")]
     Faces6,
     /// Voxels that share a face, an edge or a corner.
-    #[default]
     #[serde(rename = "26")]
     Corners26,
 }
 
 impl ComponentConnectivity {
-    /// The connectivity of the other voxels: a surface of one that cannot be crossed separates the other.
-    pub(crate) fn complement(self) -> Self {
-        match self {
-            Self::Faces6 => Self::Corners26,
-            Self::Corners26 => Self::Faces6,
-        }
-    }
-
     /// Number of neighbours: 6 or 26.
     pub(crate) fn neighbours(self) -> u8 {
         match self {

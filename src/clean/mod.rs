@@ -102,8 +102,8 @@ pub struct CleanOptions {
     pub preset: Option<Preset>,
     /// Radius of the closing in voxels, 1 or 2; 0 for none.
     pub close: u32,
-    /// True to turn cavities into inside: parts of the outside that the border of the volume does not touch. They are
-    /// connected by `ComponentConnectivity::complement`.
+    /// True to turn cavities into inside: parts of the outside, connected through faces, that the border of the volume
+    /// does not touch.
     pub fill_cavities: bool,
     /// Keep this many of the largest components; of equal ones those whose first voxel comes first in the order
     /// z, y, x.
@@ -174,7 +174,7 @@ impl CleanOptions {
             Some(SizeLimit::PercentOfLargest(percent)) => list.push(format!("drop-below {percent}%")),
             None => {}
         }
-        if (self.fill_cavities || self.drops()) && self.connectivity != ComponentConnectivity::Corners26 {
+        if self.drops() && self.connectivity != ComponentConnectivity::default() {
             list.push(format!("component-connectivity {}", self.connectivity.neighbours()));
         }
         list
@@ -465,7 +465,7 @@ impl<'a> CleanJob<'_, 'a> {
             }
             if self.clean.fill_cavities {
                 let memory = self.task_memory(&bits, 0)?;
-                let task = self.task(&bits, true, self.clean.connectivity.complement(), (0, &memory));
+                let task = self.task(&bits, true, ComponentConnectivity::Faces6, (0, &memory));
                 self.progress.stage("cavities", 2 * u64::from(info.dims.nz()));
                 report.voxels_added += task.label()?.decide(&Component::touches_border)?.changed;
             }

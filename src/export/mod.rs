@@ -196,6 +196,10 @@ pub(crate) struct Exported {
     pub(crate) bodies: Option<u64>,
     /// Separate parts of the surface that were left out, where it was in memory.
     pub(crate) parts_gone: Option<u64>,
+    /// Bodies that came apart from a single one where triangles were made few, and were left out.
+    pub(crate) pieces_gone: u64,
+    /// True if the surface enclosed one body before.
+    pub(crate) was_one: bool,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
     /// Enclosed boxes whose normals do not tell inside from outside.

@@ -27,9 +27,7 @@ use crate::page::{self, Shown, Transport};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scene::LabelRule;
-use crate::text::names::{
-    COMPONENT_CONNECTIVITY, EACH, ERROR, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, VIEW,
-};
+use crate::text::names::{EACH, ERROR, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, TRIANGLES, VIEW};
 use crate::text::{Count, Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
@@ -106,6 +104,9 @@ pub struct ExportReport {
     /// The surface of each label; empty for other models.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<LabelSurface>,
+    /// True if the surface enclosed one body before triangles were made fewer.
+    #[serde(skip)]
+    pub was_one: bool,
     /// True if coordinates of 32 bits are too coarse for the place of the model: more than 1/128 of a voxel.
     #[serde(skip)]
     pub is_far: bool,
@@ -191,7 +192,7 @@ pub fn export(
 
 /// Notes on triangles that are fewer than were asked for, or more, and on parts that were left out.
 fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec<String> {
-    let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
+    let Exported { triangles, fine_triangles, parts_gone, pieces_gone, .. } = *made;
     let mut notes = Vec::new();
     let each = if labels > 1 { ", as each label keeps 4 at least" } else { "" };
     match request.triangles {
@@ -208,6 +209,12 @@ fn shortfalls(request: ExportRequest<'_>, made: &Exported, labels: usize) -> Vec
     }
     if labels > 1 && triangles < fine_triangles {
         notes.push("each label was reduced by itself, so the walls of two neighbours differ by up to twice the distance".to_owned());
+    }
+    if pieces_gone > 0 {
+        notes.push(format!(
+            "left out: {} that came apart from the body at thin bridges, where triangles are few; more triangles keep them",
+            Count(pieces_gone, "piece")
+        ));
     }
     if let Some(parts_gone @ 1..) = parts_gone {
         notes.push(format!(
@@ -253,6 +260,7 @@ fn report(
         closed: made.is_closed,
         separate_bodies: made.bodies,
         parts_gone: made.parts_gone,
+        was_one: made.was_one,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
         warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made, surfaces.len())).collect(),
@@ -511,11 +519,13 @@ impl ExportReport {
         let mut text =
             format!("{}: {what}{closed}{bodies}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
         if self.separate_bodies > Some(1) {
-            let why = match self.fine_triangles {
-                Some(_) => "thin bridges come apart where triangles are few; if all of them have several",
-                None => "for one",
+            text += &if self.was_one {
+                format!(
+                    "  thin bridges came apart; for one body leave out {ERROR}, or choose {TRIANGLES} instead\n"
+                )
+            } else {
+                format!("  for one, build the volume with {KEEP_LARGEST} 1\n")
             };
-            text += &format!("  {why}, build the volume with {KEEP_LARGEST} 1 {COMPONENT_CONNECTIVITY} 6\n");
         }
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));

@@ -367,8 +367,8 @@ impl Measured {
         let mut volume = known(measures.volume_mm3, "mm³", no_volume);
         if measures.volume_mm3.is_some() {
             let _ = match enclosed.cavities {
-                0 => write!(volume, ", no cavities"),
-                cavities => write!(volume, ", cavities of {cavities} voxels left out"),
+                0 => write!(volume, ", no cavities wider than a voxel"),
+                cavities => write!(volume, ", cavities left out: {cavities} voxels clear of their walls"),
             };
         }
         vec![

@@ -145,6 +145,35 @@ fn same_everywhere(raw: &Path, dims: [i32; 3], dtype: &str, extra: &[&str]) {
     assert_eq!(oct(&["verify", &text(&output)]).code, 0);
 }
 
+/// The largest component is one body of triangles, and the hint of an export of several leads there.
+#[test]
+fn the_largest_component_is_exported_as_one_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // Noise in which voxels touch at edges and corners, and parts float.
+    let mut random = Random(3);
+    write(&at("v.raw"), [40, 36, 30], |_| i16::from(random.below(1000) < 400));
+    let exported = |extra: &[&str], how: &[&str]| {
+        let input = at("v.raw");
+        build(&input, &at("m.oct"), [40, 36, 30], "i16", &[&["--iso", "1"], extra].concat()).json();
+        let (model, mesh) = (text(&at("m.oct")), text(&at("m.stl")));
+        let run = |more: &[&str]| oct(&[&["export", &model, "-o", &mesh][..], how, more].concat());
+        (run(&["--json"]).json()["separate_bodies"].as_u64().unwrap(), run(&[]).stdout)
+    };
+    for extra in [&[][..], &["--keep-largest", "1", "--component-connectivity", "26"]] {
+        let (bodies, said) = exported(extra, &[]);
+        assert!(bodies > 1 && said.contains("build the volume with --keep-largest 1\n"), "{said}");
+    }
+    for extra in [&["--keep-largest", "1"][..], &["--keep-largest", "1", "--fill-cavities"]] {
+        assert_eq!(exported(extra, &[]).0, 1);
+        assert_eq!(exported(extra, &["--triangles", "2000"]).0, 1);
+    }
+    let (bodies, said) = exported(&["--keep-largest", "1"], &["--error", "0.5"]);
+    assert!(bodies == 1 || said.contains("leave out --error, or choose --triangles instead"), "{said}");
+    let bodies = oct(&["pores", &text(&at("m.oct")), "--bodies", "--json"]).json();
+    assert_eq!(bodies["bodies"], 1);
+}
+
 #[test]
 fn budgets_and_threads_do_not_change_the_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -158,12 +187,12 @@ fn budgets_and_threads_do_not_change_the_file() {
         &raw,
         dims,
         "i16",
-        &["--close", "2", "--drop-below", "30", "--component-connectivity", "6"],
+        &["--close", "2", "--drop-below", "30", "--component-connectivity", "26"],
     );
     let noise = folder.path().join("noise.raw");
     let mut random = Random(8);
     write(&noise, [300, 90, 70], |_| i16::from(random.below(1000) < 310));
-    let thin = ["--iso", "1", "--keep-largest", "40", "--component-connectivity", "6"];
+    let thin = ["--iso", "1", "--keep-largest", "40"];
     same_everywhere(&noise, [300, 90, 70], "i16", &thin);
     same_everywhere(
         &noise,
@@ -225,7 +254,7 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
     fs::write(&raw, voxels).unwrap();
     let cap = cap_mib();
     for extra in [
-        &["--keep-largest", "5", "--component-connectivity", "6"][..],
+        &["--keep-largest", "5"][..],
         &["--fill-cavities", "--keep-largest", "1", "--component-connectivity", "26"],
         &["--close", "2", "--keep-largest", "1"],
     ] {

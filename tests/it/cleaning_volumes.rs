@@ -339,6 +339,6 @@ fn operations_compose_in_their_fixed_order() {
     assert_eq!(count(one), full(15, 21));
     let two = CleanOptions { drop_below: Some(SizeLimit::PercentOfLargest(1.0)), ..both };
     assert_eq!(count(two.clone()), full(15, 21) + full(17, 15));
-    let thin = CleanOptions { connectivity: ComponentConnectivity::Faces6, ..two };
+    let thin = CleanOptions { connectivity: ComponentConnectivity::Corners26, ..two };
     assert_eq!(count(thin), full(15, 21) + full(17, 15));
 }

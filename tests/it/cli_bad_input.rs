@@ -594,7 +594,7 @@ fn an_option_that_changes_nothing_is_refused() {
         ),
         (&["--gradient", "sobel", "--channels", "offset"], "--gradient is for skin voxels"),
         (&["--connectivity", "6", "--surface", "cells"], "--connectivity is for skin voxels"),
-        (&["--component-connectivity", "6"], "--component-connectivity is for --fill-cavities"),
+        (&["--component-connectivity", "26"], "--component-connectivity is for --keep-largest"),
         (&["--keep-thin"], "--keep-thin is for meshes"),
     ];
     for (extra, sentence) in cases {

@@ -197,11 +197,11 @@ fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_c
             pick(&["", "--close 1", "--close 2"]),
             pick(&["", "--fill-cavities"]),
             pick(&["", "--keep-largest 1", "--keep-largest 7", "--drop-below 40", "--drop-below 0.1%"]),
-            pick(&["", "--component-connectivity 6"]),
+            pick(&["", "--component-connectivity 26"]),
             pick(&["", "--lod off", "--channels none"]),
         ];
         let joined = groups.join(" ");
-        let is_cleaned = ["--fill", "--keep", "--drop"].iter().any(|word| joined.contains(word));
+        let is_cleaned = ["--keep", "--drop"].iter().any(|word| joined.contains(word));
         // What says nothing about what is built is refused.
         let words = joined.split_whitespace().filter(|word| !word.is_empty());
         let mut words: Vec<&str> = words.collect();

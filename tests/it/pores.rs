@@ -39,7 +39,7 @@ fn flooded(map: &Map, bodies: bool) -> Vec<(u8, u64, [u64; 3])> {
             sums = std::array::from_fn(|a| sums[a] + p[a] as u64);
             for step in 0..27 {
                 let by = [step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1];
-                if !bodies && by.iter().map(|c: &i64| c.abs()).sum::<i64>() != 1 {
+                if by.iter().map(|c: &i64| c.abs()).sum::<i64>() != 1 {
                     continue;
                 }
                 let [x, y, z] = [0, 1, 2].map(|a| p[a] + by[a]);

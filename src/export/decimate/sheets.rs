@@ -121,6 +121,46 @@ impl Surface {
         sets.numbered()
     }
 
+    /// Six times the volume that each part encloses; below 0 for a cavity.
+    pub(super) fn volumes(&self, parts: &[u32], count: usize) -> Vec<f64> {
+        let mut volumes = vec![0.0; count];
+        for face in &self.faces {
+            let [a, b, c] = self.corners(face).map(|at| add_scaled(at, -1.0, self.place(0)));
+            volumes[parts[face[0] as usize] as usize] += dot(a, cross(b, c));
+        }
+        volumes
+    }
+
+    /// Leaves out all bodies but the largest, and cavities in them; returns how many bodies, and their corners.
+    pub(super) fn keep_body(&mut self) -> (u64, Vec<[f32; 3]>) {
+        let (parts, count) = self.parts();
+        let volumes = self.volumes(&parts, count);
+        let most = volumes.iter().copied().fold(0.0, f64::max);
+        let mut gone: HashMap<u32, Vec<[[f64; 3]; 3]>> = HashMap::new();
+        for face in &self.faces {
+            let part = parts[face[0] as usize];
+            if (0.0..most).contains(&volumes[part as usize]) {
+                gone.entry(part).or_default().push(self.corners(face));
+            }
+        }
+        let mut is_gone: Vec<bool> = (0_u32..).take(count).map(|part| gone.contains_key(&part)).collect();
+        let bodies = gone.len() as u64;
+        let boxes: Vec<_> = gone.into_values().map(|faces| (bounds(&faces), faces)).collect();
+        let mut corners = vec![None; count];
+        (0..).zip(&parts).for_each(|(corner, part)| _ = corners[*part as usize].get_or_insert(corner));
+        for (part, corner) in corners.into_iter().enumerate().filter(|(part, _)| volumes[*part] < 0.0) {
+            let Some(at) = corner.map(|corner| self.place(corner)) else { continue };
+            let is_near = |[low, high]: &[[f64; 3]; 2]| (0..3).all(|a| low[a] <= at[a] && at[a] <= high[a]);
+            is_gone[part] = boxes.iter().any(|(bounds, faces)| is_near(bounds) && is_around(faces, at));
+        }
+        let is_left_out = |corner: u32| is_gone[parts[corner as usize] as usize];
+        let places =
+            (0..).zip(&self.at).filter(|(corner, _)| is_left_out(*corner)).map(|(_, at)| *at).collect();
+        self.faces.retain(|face| !is_left_out(face[0]));
+        self.compact();
+        (bodies, places)
+    }
+
     /// Four corners of each part that lie far apart, and how far the first two do.
     pub(super) fn spans(&self, parts: &[u32], count: usize) -> Vec<(f64, [u32; 4])> {
         let mut spans = vec![(0.0, [0; 4]); count];
@@ -339,6 +379,25 @@ impl Surface {
         }
         steps
     }
+}
+
+/// Least and greatest coordinates of triangles.
+fn bounds(faces: &[[[f64; 3]; 3]]) -> [[f64; 3]; 2] {
+    faces.as_flattened().iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[low, high], at| {
+        [std::array::from_fn(|a| low[a].min(at[a])), std::array::from_fn(|a| high[a].max(at[a]))]
+    })
+}
+
+/// True if closed triangles turn around a place: their solid angles (Van Oosterom and Strackee 1983) sum up to 4 pi, else
+/// to 0.
+fn is_around(faces: &[[[f64; 3]; 3]], at: [f64; 3]) -> bool {
+    let half = |face: &[[f64; 3]; 3]| {
+        let [a, b, c] = face.map(|corner| add_scaled(corner, -1.0, at));
+        let [la, lb, lc] = [a, b, c].map(|way| dot(way, way).sqrt());
+        let along = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+        dot(a, cross(b, c)).atan2(along)
+    };
+    faces.iter().map(half).sum::<f64>().abs() > std::f64::consts::PI
 }
 
 /// Exchanges partners at edges that have more than two triangles still, where fans have the same corners at both ends; true

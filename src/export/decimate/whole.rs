@@ -72,11 +72,14 @@ pub(in crate::export) struct Goal {
     pub(in crate::export) error_mm: Option<f64>,
 }
 
-/// How far a surface is from the one before, in mm, and how many of its parts were left out.
+/// How far a surface is from the one before, in mm, and how much of it was left out.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
-    pub(in crate::export) parts_gone: u64,
+    parts_gone: u64,
+    pieces_gone: u64,
+    /// True if the surface before encloses one body.
+    was_one: bool,
 }
 
 /// A surface in memory; what is behind `slab` corners and triangles has not been reduced yet.
@@ -132,7 +135,7 @@ impl<'a> Whole<'a> {
         let slab_mm = self.slab_mm.unwrap_or_default();
         self.slab = [0; 2];
         let goal = Goal { error_mm: self.goal.error_mm.map(|mm| mm - slab_mm), ..self.goal };
-        let Apart { distance_mm, parts_gone } = self.reduced(goal, false)?;
+        let Apart { distance_mm, parts_gone, pieces_gone, was_one } = self.reduced(goal, false)?;
         // The sum over two reductions, one of slabs and one of their union, is a bound.
         let (distance_mm, within_mm) = match self.slab_mm {
             Some(slab_mm) => (None, Some(distance_mm + slab_mm)),
@@ -145,6 +148,8 @@ impl<'a> Whole<'a> {
             distance_mm,
             within_mm,
             parts_gone: Some(parts_gone),
+            pieces_gone,
+            was_one,
             ..made
         })
     }
@@ -221,17 +226,19 @@ pub(in crate::export) fn reduce(
     let size = fine.at.as_flattened().iter().fold(0.0_f32, |most, c| most.max(c.abs()));
     let step = goal.error_mm.map_or(f64::INFINITY, |mm| APART_OF_ERROR * mm).min(APART.0 * voxel_mm);
     let step = step.max(f64::from(APART.1 * size));
-    let reducer = Reducer { fine, tree, parts, anchors, wanted, is_open, step, voxel_mm, progress };
+    let is_one =
+        !is_open && fine.volumes(&parts, count).into_iter().filter(|volume| *volume > 0.0).count() == 1;
+    let reducer = Reducer { fine, tree, parts, anchors, wanted, is_open, is_one, step, voxel_mm, progress };
     let found = match goal.error_mm {
         Some(mm) => reducer.within(mm, &locks)?,
         None => reducer.refined(&mut locks)?,
     };
-    let Some(Fewer { mut surface, distance_mm, .. }) = found else {
+    let Some(Fewer { mut surface, distance_mm, pieces_gone, .. }) = found else {
         return Ok((reducer.fine, Apart::default()));
     };
     let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
     surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
-    Ok((surface, Apart { distance_mm, parts_gone }))
+    Ok((surface, Apart { distance_mm, parts_gone, pieces_gone, was_one: is_one }))
 }
 
 /// Hands over points of an item.
@@ -241,8 +248,9 @@ type Points<'p, T> = dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync + 'p;
 struct Fewer {
     surface: Surface,
     distance_mm: f64,
-    /// Points near which the distance is not much smaller.
+    /// Points near which the distance is not much smaller, or of pieces that were left out.
     worst: Vec<[f32; 3]>,
+    pieces_gone: u64,
 }
 
 struct Reducer<'a> {
@@ -254,6 +262,8 @@ struct Reducer<'a> {
     anchors: Vec<Option<[u32; 4]>>,
     wanted: usize,
     is_open: bool,
+    /// True if the fine surface encloses one body.
+    is_one: bool,
     /// By how many mm corners at one place are moved apart.
     step: f64,
     voxel_mm: f64,
@@ -292,13 +302,14 @@ impl Reducer<'_> {
         }
         surface.compact();
         if self.is_open {
-            return Ok(Some(Fewer { surface, distance_mm: mm, worst: Vec::new() }));
+            return Ok(Some(Fewer { surface, distance_mm: mm, worst: Vec::new(), pieces_gone: 0 }));
         }
         if !surface.repair(self.step) {
             return Ok(None);
         }
         let (distance_mm, worst) = self.distance(&surface, mm)?;
-        Ok(Some(Fewer { surface, distance_mm, worst }).filter(|fewer| fewer.distance_mm <= mm))
+        let fewer = Fewer { surface, distance_mm, worst, pieces_gone: 0 };
+        Ok(Some(fewer).filter(|fewer| fewer.distance_mm <= mm))
     }
 
     /// All parts that are not left out, with the numbers of the fine surface.
@@ -409,9 +420,13 @@ impl Reducer<'_> {
         locks: &[SimplifyVertex],
     ) -> Result<Option<Fewer>, Stopped> {
         self.progress.check()?;
-        let Some(surface) = self.collapsed(start, limit, locks)? else { return Ok(None) };
-        let (distance_mm, worst) = self.distance(&surface, mm)?;
-        Ok(Some(Fewer { surface, distance_mm, worst }))
+        let Some(mut surface) = self.collapsed(start, limit, locks)? else { return Ok(None) };
+        // Within a distance all pieces stay.
+        let is_whole = self.is_one && limit.is_infinite();
+        let (pieces_gone, gone) = if is_whole { surface.keep_body() } else { (0, Vec::new()) };
+        let (distance_mm, mut worst) = self.distance(&surface, mm)?;
+        worst.extend(gone);
+        Ok(Some(Fewer { surface, distance_mm, worst, pieces_gone }))
     }
 
     /// About so many triangles as are wanted, or as many as keep the metric below a limit in mm; `None` if none are left.
@@ -635,6 +650,24 @@ mod tests {
             whole.faces.len()
         });
         assert!(counts.iter().all(|count| *count < fine.faces.len()), "{counts:?}");
+    }
+
+    #[test]
+    fn one_body_stays_one_where_its_bridges_come_apart() {
+        let Mesh { vertices, faces, .. } = noise();
+        let mut fine = Surface::new(vertices, faces);
+        let bodies = |surface: &Surface| {
+            let (parts, count) = surface.parts();
+            surface.volumes(&parts, count).into_iter().filter(|volume| *volume > 0.0).count()
+        };
+        let (gone, places) = fine.keep_body();
+        assert!(gone > 100 && places.len() > 500 && bodies(&fine) == 1 && fine.faces.len() > 10_000);
+        for wanted in [3000, 300] {
+            let goal = Goal { triangles: Some(wanted), error_mm: None };
+            let (few, apart) = reduce(fine.clone(), goal, false, 1.0, &Silent).unwrap();
+            assert!(few.faces.len() as u64 <= wanted && few.faces.len() >= 4 && is_closed(&few.faces));
+            assert!(bodies(&few) == 1 && apart.pieces_gone > 0 && apart.was_one, "{wanted}: {apart:?}");
+        }
     }
 
     fn is_closed(faces: &[[u32; 3]]) -> bool {

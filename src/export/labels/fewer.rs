@@ -57,6 +57,7 @@ impl Exporter<'_> {
                 sum.within_mm = made.within_mm;
                 sum.parts_gone =
                     Some(sum.parts_gone.unwrap_or_default() + made.parts_gone.unwrap_or_default());
+                sum.pieces_gone += made.pieces_gone;
                 progress.advance(1);
             }
             Ok((few, sum))

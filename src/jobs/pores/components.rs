@@ -178,21 +178,17 @@ impl Components {
     /// Joins the components that touch a run; without any, makes a new one. Returns its index.
     #[expect(clippy::cast_possible_truncation, reason = "at most a component for each run of two slices")]
     fn connect(&mut self, run: &Run, row: usize) -> u32 {
-        // Edges and corners connect samples inside.
-        let (rows, reach) = match self.sought {
-            Sought::Pores => (row..=row, 0),
-            Sought::Bodies => (row.saturating_sub(1)..=row + 1, 1),
-        };
+        // Faces connect samples.
         let touched = |parts: &[ComponentRun], into: &mut Vec<u32>| {
-            let from = parts.partition_point(|other| other.end + reach <= run.start);
-            let touching = parts[from..].iter().take_while(|other| other.start < run.end + reach);
+            let from = parts.partition_point(|other| other.end <= run.start);
+            let touching = parts[from..].iter().take_while(|other| other.start < run.end);
             into.extend(touching.map(|other| other.component));
         };
         let mut others = std::mem::take(&mut self.touched);
         if let Some(above) = row.checked_sub(1) {
             touched(self.now.row(above), &mut others);
         }
-        rows.for_each(|row| touched(self.before.row(row), &mut others));
+        touched(self.before.row(row), &mut others);
         let alone = self.alone(run, row);
         let mut found = None;
         for other in others.drain(..) {

@@ -42,7 +42,9 @@ fn a_ball_in_uneven_voxels_has_its_area_volume_and_extent() {
     }
     assert_eq!(report["bounding_box_voxels"][0].as_array().unwrap().len(), 3);
     let table = oct(&["info", &text(&model)]).stdout;
-    for word in ["size", "surface area", "volume", "extent", "mm²", "mm³", "±", "no cavities"] {
+    for word in
+        ["size", "surface area", "volume", "extent", "mm²", "mm³", "±", "no cavities wider than a voxel"]
+    {
         assert!(table.contains(word), "{table}");
     }
     // What its author asks comes with --all, after what users ask.

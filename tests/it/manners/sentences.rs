@@ -215,16 +215,8 @@ fn the_library_names_its_own_options() {
     let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}")
         + &format!(" {outputs:?} {each:?}");
     // Values of fields, arguments of functions, and functions.
-    let others = [
-        "ComponentConnectivity",
-        "GridChoice::Voxel",
-        "Threshold::Iso",
-        "Threshold::Range",
-        "anyway",
-        "output",
-        "build",
-        "only",
-    ];
+    let others =
+        ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build", "only"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];
     for name in Name::ALL {
         if others.contains(name) || of_batch.contains(name) || name.starts_with("jobs::") {
