@@ -119,7 +119,7 @@ pub(crate) struct ThicknessArgs {
     #[arg(long, value_enum, default_value = "ray")]
     by: By,
     /// Greatest thickness to look for, in mm; by default without limit for rays, and for balls an eighth of the shortest
-    /// side, at most 32 voxels
+    /// side, at most 32 voxels, or --thin if that is more
     #[arg(long, value_name = "MM", value_parser = parse::positive)]
     max: Option<f64>,
     /// List places that are thinner, in mm

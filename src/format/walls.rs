@@ -78,6 +78,35 @@ impl WallItem {
         Self { labels: self.labels.map(|other| if other == label { label } else { 0 }), ..self }
     }
 
+    /// Values at the corners of a cell of one label, above 0 in it; their interpolation follows its walls. `code` is the
+    /// cell's normal.
+    #[expect(clippy::cast_possible_truncation, reason = "limited to the size of an offset")]
+    pub(crate) fn values(&self, code: u16) -> [i8; CORNERS] {
+        let Some((first, second, offset)) = self.planes else {
+            return self.labels.map(|label| if label > 0 { 1 } else { -1 });
+        };
+        let parts = Walls::of_item(code, self);
+        let [behind, near, far] = [0b00, 0b01, 0b11].map(|part| parts.label(part) > 0);
+        let planes = [Plane::new(code, first), Plane::new(second, offset)];
+        std::array::from_fn(|corner| {
+            let [first, second] = planes.map(|plane| at_corner(plane.normal, corner) - plane.offset);
+            let front = match (near, far) {
+                (true, true) => i32::from(u8::MAX),
+                (false, false) => -i32::from(u8::MAX),
+                (is_near, _) => {
+                    if is_near {
+                        -second
+                    } else {
+                        second
+                    }
+                }
+            };
+            let value = if behind { front.max(-first) } else { front.min(first) };
+            // Distances are odd; halves keep their sign.
+            ((value + value.signum()) / 2).clamp(-127, 127) as i8
+        })
+    }
+
     /// The greatest and the least label, as stored instead of a pair.
     pub(crate) fn pair(&self) -> [u16; 2] {
         let ends = |(low, high): (u16, u16), label: &u16| (low.min(*label), high.max(*label));

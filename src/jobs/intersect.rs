@@ -32,7 +32,7 @@ pub struct IntersectReport {
     /// Lowest and highest coordinates of the centres of those voxels, in mm (LPS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_mm: Option<[[f64; 3]; 2]>,
-    /// Volume that both bodies fill; null unless both are models of cells without labels.
+    /// Volume that both bodies fill; null unless both are models of cells, of one label at most.
     pub overlap_mm3: Option<f64>,
     /// Greatest depth of either surface inside the other body: 0 where they do not overlap.
     pub depth_mm: Option<f64>,
@@ -49,7 +49,7 @@ pub struct IntersectReport {
 
 /// Checks two models, and finds the boxes of their finest levels that have a point in common: of larger leaves the
 /// cells that their planes pass through. `placement` maps the second model's millimetres to the first's. Of models of
-/// cells without labels it also measures the overlap, or the clearance; others are refused if `needs_gap` is set.
+/// cells, of one label at most, it also measures the overlap, or the clearance; others are refused if `needs_gap` is set.
 ///
 /// # Errors
 /// A model is damaged or cannot be read; the placement has no volume.
@@ -65,7 +65,7 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Res
         verify_file(input)?;
     }
     let [one, other] = [open_model(inputs[0])?, open_model(inputs[1])?];
-    let (one_view, other_view) = (one.view(), other.view());
+    let (one_view, other_view) = (one.solid_view(), other.solid_view());
     let one_placed = Placed { view: &one_view, affine: one.affine() };
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };
     let found = intersection(one_placed, other_placed);
@@ -121,7 +121,9 @@ impl IntersectReport {
                 format!("  {} mm apart, from {} to {} mm (LPS)\n", Short(clearance), point(from), point(to))
             }
             _ => {
-                format!("  overlap and clearance are not known: both need {SURFACE} cells, without labels\n")
+                format!(
+                    "  overlap and clearance are not known: both need {SURFACE} cells, and one label at most\n"
+                )
             }
         };
         let Some([low, high]) = self.range_mm else {

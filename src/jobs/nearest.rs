@@ -94,7 +94,7 @@ impl<D: AsRef<[u8]> + Sync> Model<D> {
     /// ```
     ///
     /// # Errors
-    /// The model is a skin of voxels, has labels, or axes that are not at right angles; a point is not finite; the file
+    /// The model is a skin of voxels, has several labels, or axes that are not at right angles; a point is not finite; the file
     /// changes during the call.
     pub fn nearest(&self, points: &[[f64; 3]]) -> Result<NearestPoints, Error> {
         let threads = thread::available_parallelism().map_or(1, NonZero::get);
@@ -112,7 +112,7 @@ pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
     if let Some(at) = points.iter().position(|point| !point.iter().all(|c| c.is_finite())) {
         return Err(usage!("point {at} is not finite").into());
     }
-    let view = model.view();
+    let view = model.solid_view();
     let surface = Surface::open(&view, &model.affine(), model.dims())?;
     let mut answers = vec![Answer::NONE; points.len()];
     let work = |points: &[[f64; 3]], answers: &mut [Answer]| {

@@ -157,7 +157,7 @@ pub struct PoresReport {
 /// disk a cell, and a search for each cell of a pore.
 ///
 /// # Errors
-/// The model is damaged, has a skin of voxels (for gaps: labels, larger leaves, axes not at right angles), or keeps
+/// The model is damaged, has a skin of voxels (for gaps: several labels, larger leaves, axes not at right angles), or keeps
 /// only what can be seen; the table cannot be written, and is left as it was before.
 pub fn pores(
     input: &Path,
@@ -175,8 +175,8 @@ pub fn pores(
         return Err(usage!("gaps are measured from pores, not from bodies").into());
     }
     let out = table.map(AtomicFile::create).transpose().map_err(unwritable)?;
-    let view = model.view();
-    let surface = request.gap.then(|| surface_of(&model, &view, input)).transpose()?;
+    let (view, solid_view) = (model.view(), model.solid_view());
+    let surface = request.gap.then(|| surface_of(&model, &solid_view, input)).transpose()?;
     let scratch = || scratch_beside(table.unwrap_or(input)).map_err(unwritable);
     // Rows wait here for their gaps.
     let waiting = request.gap.then(scratch).transpose()?;

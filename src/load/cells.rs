@@ -71,6 +71,8 @@ pub struct CellItems<'a> {
     directory: &'a [[u8; 8]],
     /// True if planes separate labels (SPEC 4.12).
     walls: bool,
+    /// True if they are the surface of the only label.
+    alone: bool,
 }
 
 /// The normals and offsets of a brick's cells, and of larger leaves among them.
@@ -109,12 +111,18 @@ impl<'a> CellItems<'a> {
             corners,
             directory: directory.as_chunks().0,
             walls: false,
+            alone: false,
         }
     }
 
     /// The same items, as cells between labels (SPEC 4.12).
     pub(super) fn between_labels(self) -> Self {
         Self { walls: true, ..self }
+    }
+
+    /// The same items, of the only label: planes and corners are its surface.
+    pub(super) fn of_one_label(self) -> Self {
+        Self { walls: false, alone: true, ..self }
     }
 
     /// True if planes separate labels.
@@ -220,6 +228,9 @@ impl<'a> CellItems<'a> {
     pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
         if self.walls {
             return self.wall_item(cell).labels.map(|label| if label > 0 { 1 } else { -1 });
+        }
+        if self.alone {
+            return self.wall_item(cell).values(self.code(cell));
         }
         self.corner_item(cell).map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
     }

@@ -324,6 +324,15 @@ impl<D: AsRef<[u8]>> Model<D> {
         }
     }
 
+    /// [`Model::view`] for measuring: the only label of a model is its solid.
+    pub(crate) fn solid_view(&self) -> ModelView<'_> {
+        let mut view = self.view();
+        if self.frame.labels.len() == 1 {
+            view.cells = view.cells.map(CellItems::of_one_label);
+        }
+        view
+    }
+
     /// [`Model::view`], with measured values in another colour map or range.
     pub(crate) fn view_in_colors(&self, map: Option<ColorMap>, range: Option<[f64; 2]>) -> ModelView<'_> {
         let mut view = self.view();

@@ -285,6 +285,54 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
         .refused(3, &["[[model]] 1, opacity", "out of range"]);
 }
 
+/// Models of one label are measured as solids; of several, the refusal names a way to such a model.
+#[test]
+fn a_label_by_itself_is_measured_and_several_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    // A hollow ball within a box, and a bar 6 mm away from the ball.
+    let label = |p: [u32; 3]| {
+        let r = p.map(|c| (f64::from(c) - 15.5).powi(2)).iter().sum::<f64>().sqrt();
+        match p {
+            _ if r < 5.0 => 0_u8,
+            _ if r < 11.0 => 7,
+            [3..29, 3..29, 3..29] => 5,
+            [33..38, 8..24, 4..28] => 20,
+            _ => 0,
+        }
+    };
+    let mut object = Object::new([42, 33, 32], ScalarType::U8, [1.0; 3]);
+    object.bytes = (0..42 * 33 * 32).map(|i| label([i % 42, i / 42 % 33, i / 42 / 33])).collect();
+    let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
+    let names = file(folder.path(), "names.csv", b"index,name\n7,ball\n20,bar\n");
+    let how = ["--labels", "all", "--names", &text(&names), "--each", &at("each")];
+    assert_eq!(command::build(&[&input], Path::new(&at("all.oct")), &how).code, 0);
+    assert_eq!(command::build(&[&input], Path::new(&at("one.oct")), &["--labels", "7"]).code, 0);
+    assert_eq!(command::build(&[&input], Path::new(&at("solid.oct")), &["--range", "7..7"]).code, 0);
+    let near = |value: &Value, due: f64, off: f64| {
+        assert!((value.as_f64().unwrap() - due).abs() < off, "{value}, not {due}");
+    };
+    for ball in ["each/ball.oct", "one.oct"].map(at) {
+        let walls = oct(&["thickness", &ball, "-o", &at("t.oct"), "--force", "--json"]).json();
+        near(&walls["thickness"]["mean"], 6.0, 0.3);
+        assert_eq!((&walls["none"]["cells"], oct(&["verify", &at("t.oct")]).code), (&0.into(), 0));
+        let pores = oct(&["pores", &ball, "--gap", "--json"]).json();
+        assert_eq!(pores["pores"], 1, "{pores}");
+        near(&pores["largest"][0]["gap_mm"], 6.0, 0.7);
+        for pair in [[&ball, &at("solid.oct")], [&at("solid.oct"), &ball]] {
+            let both = oct(&["compare", pair[0], pair[1], "--json"]).json();
+            near(&both["deviation"]["rms"], 0.0, 0.3);
+        }
+        near(&oct(&["intersect", &ball, &at("each/bar.oct"), "--json"]).json()["clearance_mm"], 6.0, 0.3);
+        let found =
+            Model::open(&ball).unwrap().nearest(&[[15.5; 3], [23.5, 15.5, 15.5], [-10.0; 3]]).unwrap();
+        assert_eq!(found.side, [1, -1, 1]);
+    }
+    for how in [&["thickness"][..], &["pores", "--gap"], &["compare", &at("solid.oct")]] {
+        oct(&[how, &[&at("all.oct")]].concat()).refused(3, &["has several labels", "--labels"]);
+    }
+}
+
 /// NIfTI files of masks, and the samples of each.
 fn masks(folder: &Path, dims: [u32; 3], names: &[&str]) -> Vec<(PathBuf, Vec<u8>)> {
     let mut random = Random(8);

@@ -108,7 +108,7 @@ pub struct CompareOutputs<'a> {
 /// models that are built. Cost: a microsecond a cell where the surfaces are near.
 ///
 /// # Errors
-/// An input is damaged, has a skin of voxels, labels, larger leaves (the actual one) or axes that are not at right angles;
+/// An input is damaged, has a skin of voxels, several labels, larger leaves (the actual one) or axes that are not at right angles;
 /// the fit does not find together; an output cannot be written, and then is as it was before.
 pub fn compare(
     [actual, nominal]: [&Path; 2],
@@ -131,7 +131,7 @@ pub fn compare(
     if let Some(seen_from) = other.model.metadata().seen_from() {
         return Err(crate::error::keeps_part(seen_from, nominal).into());
     }
-    let (one_view, other_view) = (one.model.view(), other.model.view());
+    let (one_view, other_view) = (one.model.solid_view(), other.model.solid_view());
     let job = Job {
         request,
         one: measured(&one, &one_view)?,

@@ -71,7 +71,7 @@ pub struct ThicknessRequest {
     /// Definition of thickness.
     pub by: Method,
     /// Greatest thickness in mm; by default the volume's diagonal for rays, and for balls an eighth of its shortest side,
-    /// at most 32 voxels.
+    /// at most 32 voxels, or `thin_mm` if that is more.
     pub max_mm: Option<f64>,
     /// Thickness in mm below which a wall is thin.
     pub thin_mm: Option<f64>,
@@ -112,7 +112,7 @@ struct Row {
 /// cell; by balls as many as their voxels are wide.
 ///
 /// # Errors
-/// The model is damaged, has a skin of voxels, labels, larger leaves or axes that are not at right angles; an output
+/// The model is damaged, has a skin of voxels, several labels, larger leaves or axes that are not at right angles; an output
 /// cannot be written, and is left as it was before.
 pub fn thickness(
     path: &Path,
@@ -127,6 +127,11 @@ pub fn thickness(
             return Err(usage!("a thickness must be above 0 mm").into());
         }
     }
+    if let (Some(max), Some(thin)) = (request.max_mm, request.thin_mm)
+        && thin > max
+    {
+        return Err(usage!("walls are measured up to {max} mm, so that not all below {thin} mm are found; choose {thin} or more, or leave the greatest thickness out").into());
+    }
     outputs.model.into_iter().chain(outputs.csv).try_for_each(|output| refuse_input(path, output))?;
     verify_unless_packed(path)?;
     let model = open_model(path)?;
@@ -134,7 +139,7 @@ pub fn thickness(
     if let Some(seen_from) = model.metadata().seen_from() {
         return Err(crate::error::keeps_part(seen_from, path).into());
     }
-    let view = model.view();
+    let view = model.solid_view();
     let surface = Surface::open(&view, &model.affine(), model.dims()).map_err(|fault| fault.at(path))?;
     let spacing = surface.space.spacing;
     let sides: [f64; 3] = std::array::from_fn(|a| f64::from(surface.dims[a]) * spacing[a]);
@@ -143,7 +148,8 @@ pub fn thickness(
         Method::Ray => sides.iter().map(|side| side * side).sum::<f64>().sqrt(),
         Method::Ball => (BALL_PART * shortest).min(BALL_VOXELS * surface.space.finest),
     };
-    let (max_mm, noise) = (request.max_mm.unwrap_or(usual), Uncertainty::of(&model));
+    let thin_mm = request.thin_mm.unwrap_or(0.0);
+    let (max_mm, noise) = (request.max_mm.unwrap_or(usual.max(thin_mm)), Uncertainty::of(&model));
     let gauge = Gauge { surface, by: request.by, max_mm, noise };
     let job = Job { path, model: &model, gauge, request, progress };
     let mut report = job.run(outputs)?;

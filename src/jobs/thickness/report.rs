@@ -28,7 +28,7 @@ pub struct ThicknessReport {
     pub thicker: Area,
     /// Components, or cells, below the resolution.
     pub below_resolution: Area,
-    /// Thickness, weighted by area; null if there is none.
+    /// Thickness of the cells where it is up to `max_mm`, weighted by area; null if there are none.
     pub thickness: Option<Spread>,
     /// Thin places, if a limit was given.
     pub thin: Option<Thin>,
@@ -112,9 +112,13 @@ impl ThicknessReport {
             format!("{}: {}, by {by}, up to {most} mm\n", shown(&self.input), Count(self.cells, "cell"));
         if let Some(t) = self.thickness {
             let [mean, p5, p50, p95, min, max] = [t.mean, t.p5, t.p50, t.p95, t.min, t.max].map(Short);
+            let of = match 1.0 - self.thicker.share - self.none.share {
+                _ if self.thicker.cells == 0 => String::new(),
+                share => format!(" of the {} % of the area that is no thicker", Short(100.0 * share)),
+            };
             let _ = writeln!(
                 text,
-                "  thickness: mean {mean}, 5 % of the area up to {p5}, half up to {p50}, 95 % up to {p95}, from {min} to {max} mm"
+                "  thickness{of}: mean {mean}, 5 % of the area up to {p5}, half up to {p50}, 95 % up to {p95}, from {min} to {max} mm"
             );
         }
         let parts = [

@@ -116,4 +116,16 @@ fn what_cannot_be_measured_is_refused_and_nothing_is_written() {
     let short = ThicknessRequest { by: Method::Ball, max_mm: Some(3.0), ..Default::default() };
     let report = thickness(&ball, &short, ThicknessOutputs::default(), &Silent).unwrap();
     assert_eq!((report.thicker.cells, report.thickness), (report.cells, None));
+    let beyond = ThicknessRequest { thin_mm: Some(3.5), ..short };
+    refused(&ball, &beyond, "not all below 3.5 mm are found");
+    // Balls of an eighth of the volume do not fill the body; with a limit of thin walls above it they do.
+    let usual = ThicknessRequest { by: Method::Ball, ..Default::default() };
+    let found = |request| thickness(&ball, &request, ThicknessOutputs::default(), &Silent).unwrap();
+    assert_eq!((found(usual).max_mm, found(usual).thickness), (2.5, None));
+    let report = found(ThicknessRequest { thin_mm: Some(12.0), ..usual });
+    assert_eq!((report.max_mm, report.thicker.cells), (12.0, 0));
+    assert!((report.thickness.unwrap().mean - 9.0).abs() < 0.5, "{report:?}");
+    let lens = build(folder.path(), &|p| length([p[0], p[1], 2.5 * p[2]]) - 15.0, SurfaceKind::Cells);
+    let text = thickness(&lens, &short, ThicknessOutputs::default(), &Silent).unwrap().text();
+    assert!(text.contains("% of the area that is no thicker: mean "), "{text}");
 }

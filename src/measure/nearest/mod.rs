@@ -36,7 +36,7 @@ use crate::fault::{Fault, unfit};
 use crate::format::cell::CORNERS;
 use crate::geom::{Affine, BoxIndex, Dims};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
-use crate::text::names::SURFACE;
+use crate::text::names::{LABELS, SURFACE};
 
 /// A distance below this many voxels is 0: there the side is rounding.
 pub(crate) const ON: f64 = 1e-9;
@@ -73,7 +73,7 @@ impl<'a> Surface<'a> {
     /// The surface of a model; `affine` leads from the index of a cell (its middle at integers) to LPS mm.
     ///
     /// # Errors
-    /// A model without cells or with labels; a frame that [`Space::new`] refuses.
+    /// A model without cells or with several labels; a frame that [`Space::new`] refuses.
     pub(crate) fn open(view: &'a ModelView<'a>, affine: &Affine, dims: Dims) -> Result<Self, Fault> {
         let Some(cells) = view.cells() else {
             return Err(unfit!(
@@ -82,7 +82,7 @@ impl<'a> Surface<'a> {
         };
         if cells.has_walls() {
             return Err(unfit!(
-                "has labels, whose walls are not measured; build one label as a model of its own, by its range of values"
+                "has several labels, and one alone can be measured; build it by itself ({LABELS})"
             ));
         }
         Ok(Self { view, cells, space: Space::new(affine)?, dims: dims.to_array() })

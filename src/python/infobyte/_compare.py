@@ -47,7 +47,7 @@ def compare(
     default. `threshold_sigma`: standard deviation of the threshold of `actual`, in its values. `output`: a model with the deviations as values; `csv`: a table of all cells. `table=True` adds this table
     under `table`, as a structured array, which `pandas.DataFrame` takes. Costs a microsecond or two a cell.
 
-    Raises `InputError` for a skin of voxels, labels, axes that are not at right angles, and larger leaves (`error`) of
+    Raises `InputError` for a skin of voxels, several labels, axes that are not at right angles, and larger leaves (`error`) of
     `actual`: to see what they cost, give that model as `nominal`. `UsageError` for a placement that scales or shears.
 
     >>> report = infobyte.compare('ball.oct', 'ball.oct', tolerance=0.1, table=True)
@@ -88,7 +88,7 @@ def thickness(
     thickness as values; `csv`: a table of all cells. `table=True` adds this table under `table`, as a structured array,
     which `pandas.DataFrame` takes. Costs microseconds a cell, for balls as many as they are voxels wide.
 
-    Raises `InputError` for a skin of voxels, labels, or axes that are not at right angles; `UsageError` for an unknown way.
+    Raises `InputError` for a skin of voxels, several labels, or axes that are not at right angles; `UsageError` for an unknown way.
 
     >>> report = infobyte.thickness('ball.oct', thin=2, table=True)
     >>> report['none']['cells'], report['table'].dtype.names[3]
