@@ -1,7 +1,8 @@
-//! Progress bars on a terminal; nothing when piped, quiet or JSON.
+//! Progress bars on a terminal; when piped nothing, or lines of a job of minutes; nothing when quiet or JSON.
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Once, PoisonError};
 use std::time::Duration;
 
@@ -56,17 +57,29 @@ impl Pace {
 /// One bar, restarted for each stage.
 pub(crate) struct Bars {
     bar: Option<Mutex<ProgressBar>>,
+    /// Steps done and all steps of the stage, printed line by line.
+    lines: Option<[AtomicU64; 2]>,
 }
 
 impl Bars {
     pub(crate) fn new(silent: bool) -> Self {
         let shown = !silent && std::io::stderr().is_terminal();
-        Self { bar: shown.then(|| Mutex::new(ProgressBar::hidden())) }
+        Self { bar: shown.then(|| Mutex::new(ProgressBar::hidden())), lines: None }
     }
 
     /// Shows the progress of some work until its end.
     pub(crate) fn during<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
+        Self::show(Self::new(silent), work)
+    }
+
+    /// As [`Bars::during`]; without a terminal a line for each step.
+    pub(crate) fn or_lines<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
         let bars = Self::new(silent);
+        let lines = (!silent && bars.bar.is_none()).then(Default::default);
+        Self::show(Self { lines, ..bars }, work)
+    }
+
+    fn show<T>(bars: Self, work: impl FnOnce(&Self) -> T) -> T {
         let done = work(&bars);
         bars.with(|bar| bar.finish_and_clear());
         done
@@ -90,10 +103,20 @@ impl Progress for Bars {
             bar.set_style(paced);
             bar.set_message(name);
         });
+        if let Some([done, all]) = &self.lines {
+            done.store(0, Ordering::Relaxed);
+            all.store(total, Ordering::Relaxed);
+            // On a closed stream the line is lost.
+            drop(writeln!(std::io::stderr(), "{name}: {total} steps"));
+        }
     }
 
     fn advance(&self, steps: u64) {
         self.with(|bar| bar.inc(steps));
+        if let Some([done, all]) = &self.lines {
+            let (done, all) = (done.fetch_add(steps, Ordering::Relaxed) + steps, all.load(Ordering::Relaxed));
+            drop(writeln!(std::io::stderr(), "  {done} of {all}"));
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 27] = [
+const OTHERWISE: [(&str, &str); 28] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -26,6 +26,7 @@ const OTHERWISE: [(&str, &str); 27] = [
     ("jobs::pack::strip", "oct strip"),
     ("jobs::pack::unpack", "oct unpack"),
     ("jobs::scan", "oct scan"),
+    ("jobs::thickness", "oct thickness"),
     ("jobs::picture", "oct render"),
     ("jobs::verify", "oct verify"),
     ("jobs::view", "oct view"),

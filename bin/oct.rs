@@ -702,7 +702,7 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
         pixels: args.pixels,
         command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
     };
-    let report = Bars::during(args.quiet || args.json, |bars| jobs::report::report(&request, bars))?;
+    let report = Bars::or_lines(args.quiet || args.json, |bars| jobs::report::report(&request, bars))?;
     Ok(print(args.json, || &report, || report.text())?)
 }
 

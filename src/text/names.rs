@@ -107,6 +107,7 @@ names! {
     RENDER = "jobs::picture",
     SCAN = "jobs::scan",
     STRIP = "jobs::pack::strip",
+    THICKNESS = "jobs::thickness",
     UNPACK = "jobs::pack::unpack",
     VERIFY = "jobs::verify",
     VIEW = "jobs::view",

@@ -9,9 +9,10 @@ use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
 use crate::budget::{Bytes, MemoryCap};
 use crate::builder::{BuildOptions, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
-use crate::format::{Channel, Channels, SurfaceKind};
+use crate::format::SurfaceKind;
 use crate::jobs::info::surface_boxes;
 use crate::load::{Model, NodeView};
+use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::synthetic::{self, AnalyticVolume, SyntheticHead};
 use crate::volume::VolumeSource;
@@ -22,7 +23,13 @@ pub(super) struct Bench<'a> {
     pub(super) folder: &'a Path,
     pub(super) threads: usize,
     pub(super) pixels: u32,
+    /// Watcher of the experiments, one step each.
+    pub(super) progress: &'a dyn Progress,
 }
+
+/// Steps of a synthetic volume, those that do not apply included, and of a model.
+pub(super) const OF_SYNTHETIC: u64 = 7;
+pub(super) const OF_MODEL: u64 = 2;
 
 /// Caps that are tried, in MiB.
 const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
@@ -66,30 +73,31 @@ impl Bench<'_> {
         let mut found = Vec::new();
         match &body {
             Some(body) if body.body().is_smooth() => {
-                found.extend(self.surfaces(subject, &*source, &options, body)?);
-                found.push(self.gradients(subject, &*source, &options, body)?);
-                found.push(self.detail(subject, &usual.model, &Reference::Body(body))?);
+                found.extend(self.done(self.surfaces(subject, &*source, &options, body))?);
+                found.push(self.done(self.gradients(subject, &*source, &options, body))?);
+                found.push(self.done(self.detail(subject, &usual.model, &Reference::Body(body)))?);
             }
             _ => {
                 let frame = self.frame(&usual.model)?;
-                found.push(self.detail(subject, &usual.model, &Reference::Frame(&frame))?);
+                found.push(self.done(self.detail(subject, &usual.model, &Reference::Frame(&frame)))?);
+                self.progress.advance(2);
             }
         }
-        found.push(self.bounds(
-            subject,
-            &*source,
-            &options,
-            body.as_ref().filter(|b| b.body().is_smooth()),
-        )?);
-        if let Some(body) = body.as_ref().filter(|b| b.body().is_smooth() && b.body().is_closed()) {
-            found.push(self.measures(subject, &options, body)?);
+        let smooth = body.as_ref().filter(|b| b.body().is_smooth());
+        found.push(self.done(self.bounds(subject, &*source, &options, smooth))?);
+        match smooth.filter(|b| b.body().is_closed()) {
+            Some(body) => found.push(self.done(self.measures(subject, &options, body))?),
+            None => self.progress.advance(1),
         }
-        found.push(self.traversals(subject, &usual.model)?);
-        found.push(self.frames(subject, &usual.model)?);
-        found.push(self.sights(subject, &*source, &options, &usual.model, usual.costs)?);
-        found.push(self.channels(subject, &*source, &options)?);
-        found.push(self.budgets(subject, &*source, &options, &usual)?);
-        found.push(self.thread_counts(subject, &*source, &options, &usual)?);
+        found.push(self.done(self.frames(subject, &usual.model))?);
+        found.push(self.done(self.budgets(subject, &*source, &options, &usual))?);
+        Ok(found)
+    }
+
+    /// A result whose experiment is a step of progress.
+    fn done<T>(&self, found: Result<T, Error>) -> Result<T, Error> {
+        let found = found?;
+        self.progress.step(1).map_err(|_| Error::Stopped)?;
         Ok(found)
     }
 
@@ -101,9 +109,8 @@ impl Bench<'_> {
     ) -> Result<Vec<Experiment>, Error> {
         let frame = self.frame(model)?;
         Ok(vec![
-            self.detail(subject, model, &Reference::Frame(&frame))?,
-            self.traversals(subject, model)?,
-            self.frames(subject, model)?,
+            self.done(self.detail(subject, model, &Reference::Frame(&frame)))?,
+            self.done(self.frames(subject, model))?,
         ])
     }
 
@@ -276,36 +283,6 @@ impl Bench<'_> {
         })
     }
 
-    fn channels(
-        &self,
-        subject: &str,
-        source: &dyn VolumeSource,
-        options: &BuildOptions,
-    ) -> Result<Experiment, Error> {
-        let (normal, value) = (Channel::Normal, Channel::Value);
-        let mut rows = Vec::new();
-        for (choice, channels, lod) in [
-            ("structure alone", Channels::NONE, false),
-            ("normals, no means", Channels::NONE.with(normal), false),
-            ("normals", Channels::NONE.with(normal), true),
-            ("values", Channels::NONE.with(value), true),
-            ("normals and values", Channels::NONE.with(normal).with(value), true),
-        ] {
-            let built =
-                self.build(source, &BuildOptions { channels: Some(channels), lod, ..options.clone() })?;
-            rows.push(Self::row(subject, choice, choice == "normals", built.costs, Errors::default()));
-        }
-        Ok(Experiment {
-            id: "channels",
-            title: "What is stored",
-            about: "Bytes and time of what a model may hold; means are those of coarse nodes, for small pictures. Geometry is the same in all of them.".into(),
-            advice: None,
-            drawn: Drawn { cost: 3, metric: Metric::DepthRms },
-            rows,
-            pictures: Vec::new(),
-        })
-    }
-
     /// Bytes in which two models differ, the shorter one's missing ones included.
     fn difference(a: &Model, b: &Model) -> f64 {
         let (a, b) = (a.bytes(), b.bytes());
@@ -337,34 +314,6 @@ impl Bench<'_> {
             id: "budget",
             title: "How little memory a build takes",
             about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.".into(),
-            advice: None,
-            drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
-            rows,
-            pictures: Vec::new(),
-        })
-    }
-
-    fn thread_counts(
-        &self,
-        subject: &str,
-        source: &dyn VolumeSource,
-        options: &BuildOptions,
-        usual: &Built,
-    ) -> Result<Experiment, Error> {
-        let counts = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.threads);
-        let mut rows = Vec::new();
-        for threads in counts.chain([self.threads]) {
-            let built = self.build(source, &BuildOptions { threads, ..options.clone() })?;
-            let errors =
-                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
-            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
-            rows.push(Self::row(subject, threads.to_string(), threads == self.threads, costs, errors));
-        }
-        Ok(Experiment {
-            id: "threads",
-            title: "What more threads bring",
-            about: "Time of a build by the number of its threads; the model is the same, byte for byte."
-                .into(),
             advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,

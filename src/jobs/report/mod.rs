@@ -9,15 +9,14 @@
 //! | `rows` | what is measured: experiments, rows, costs, errors, the Pareto front |
 //! | `rays` | views, the rays of a picture, and their errors against a body or a frame |
 //! | `experiments` | what is tried on a body, on a volume, on a model |
-//! | `pictures` | traversals, samplings and shadings, a table of each |
-//! | `sight` | models without what cannot be seen |
+//! | `pictures` | samplings and shadings, a table of each |
 //! | `bound` | larger leaves within a bound |
 //! | `measures` | deviations, thicknesses and pores against the truth |
 //! | `overview` | the first figure: a few settings, error against time, and a verdict |
 //! | `machine` | facts of the machine |
 //! | `page`, `plot`, `table` | the HTML page, its drawings, and tables for other pages |
 //!
-//! A new choice, such as another surface or traversal, is a row of an experiment, or an experiment more.
+//! A new choice, such as another surface, is a row of an experiment, or an experiment more.
 
 mod bound;
 mod experiments;
@@ -29,7 +28,6 @@ mod pictures;
 mod plot;
 mod rays;
 mod rows;
-mod sight;
 mod table;
 
 use std::fmt::Write as _;
@@ -60,7 +58,7 @@ pub struct ReportRequest {
     pub synthetic: Vec<String>,
     /// Folder of the page and the tables; made if it is not there.
     pub out: PathBuf,
-    /// Most worker threads that are tried.
+    /// Worker threads.
     pub threads: usize,
     /// Pixels along a side of the pictures that errors are measured on.
     pub pixels: u32,
@@ -111,19 +109,24 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
     let failed = |cause| Error::Output { path: request.out.clone(), cause };
     let _new = NewFolders::create(&request.out).map_err(failed)?;
     let work = tempfile::tempdir_in(&request.out).map_err(failed)?;
-    let bench = experiments::Bench { folder: work.path(), threads: request.threads, pixels: request.pixels };
+    let bench = experiments::Bench {
+        folder: work.path(),
+        threads: request.threads,
+        pixels: request.pixels,
+        progress,
+    };
     let subjects = subjects(&request.synthetic);
     // Whatever cannot be is reported before anything is measured.
     for subject in &subjects {
         synthetic::open(Path::new(subject))?;
     }
     let mut experiments = Vec::new();
-    progress.stage("measure", subjects.len() as u64 + u64::from(request.model.is_some()));
+    let of_model = request.model.as_ref().map_or(0, |_| experiments::OF_MODEL);
+    progress.stage("measure", subjects.len() as u64 * experiments::OF_SYNTHETIC + of_model);
     for subject in &subjects {
         for found in bench.of_synthetic(subject)? {
             rows::join(&mut experiments, found);
         }
-        progress.advance(1);
     }
     let mut voxel_mm = None;
     if let Some(path) = &request.model {
@@ -136,7 +139,6 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         // Samples of synthetic bodies have no size of their own.
         let finest = model.metadata().spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
         voxel_mm = Some(finest).filter(|_| subjects.is_empty());
-        progress.advance(1);
     }
     if let Some(first) = overview::overview(&experiments, voxel_mm) {
         experiments.insert(0, first);

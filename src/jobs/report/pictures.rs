@@ -1,12 +1,11 @@
-//! Traversals, samplings of a frame and shadings of pictures. One choice more is one entry of a table.
+//! Samplings of a frame and shadings of pictures. One choice more is one entry of a table.
 
 use std::convert::Infallible;
 use std::time::Instant;
 
 use super::experiments::Bench;
-use super::rays::{self, Met, Scene};
+use super::rays::{self, Met};
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
-use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
 use crate::jobs::render::{RenderRequest, render_view};
@@ -14,19 +13,6 @@ use crate::load::{Model, NodeView};
 use crate::render::normals::blend;
 use crate::render::{GridSpace, Image, Projection, picture};
 use crate::synthetic::AnalyticVolume;
-
-/// A way to find the first hits of many rays; gives them with the nanoseconds of a ray on one thread.
-struct Traversal {
-    choice: &'static str,
-    usual: bool,
-    cast: fn(&Scene<'_>) -> (Vec<Option<Met>>, Times),
-}
-
-/// All traversals; the first is the reference of the others.
-const TRAVERSALS: [Traversal; 2] = [
-    Traversal { choice: "exact, any machine", usual: false, cast: |scene| scene.boxes(Form::Portable, 0) },
-    Traversal { choice: "exact, best instructions", usual: true, cast: |scene| scene.boxes(Form::best(), 0) },
-];
 
 /// A way to make a frame.
 struct Frame {
@@ -56,35 +42,6 @@ const FRAMES: [Frame; 4] = [
 ];
 
 impl Bench<'_> {
-    /// Every way to find the first hits.
-    pub(super) fn traversals(
-        &self,
-        subject: &str,
-        model: &Model<impl AsRef<[u8]>>,
-    ) -> Result<Experiment, Error> {
-        let (space, lines) = self.lines(model)?;
-        let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
-        let voxel_mm = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-        let mut reference: Option<Vec<Option<Met>>> = None;
-        let mut rows = Vec::new();
-        for Traversal { choice, usual, cast } in TRAVERSALS {
-            let (met, times) = cast(&scene);
-            let reference = reference.get_or_insert_with(|| met.clone());
-            let errors = rays::against_frame(&met, reference, &lines, (voxel_mm, 1));
-            let costs = Costs::default().with_rays(&times);
-            rows.push(Self::row(subject, choice, usual, costs, errors));
-        }
-        Ok(Experiment {
-            id: "traversal",
-            title: "How hits are found",
-            about: "First hits of single rays on one thread, against those of the exact traversal for any machine. Exact ones agree in every hit.".into(),
-            advice: None,
-            drawn: Drawn { cost: 1, metric: Metric::DepthRms },
-            rows,
-            pictures: Vec::new(),
-        })
-    }
-
     /// Every way to make a frame.
     pub(super) fn frames(&self, subject: &str, model: &Model<impl AsRef<[u8]>>) -> Result<Experiment, Error> {
         let space = GridSpace::new(model.dims(), &model.affine())?;
@@ -146,8 +103,7 @@ impl Bench<'_> {
         let (space, lines) = self.lines(model)?;
         let view = model.view();
         let stored = rays::cast(model, &lines, self.threads)?;
-        let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
-        let times = scene.boxes(Form::best(), 0).1;
+        let (_, times) = rays::cast_boxes(&space, model, &lines, 0);
         let surface = view.cells().map_or("skin", |_| "cells");
         let Ok((blending, blended)) = Times::of(|| {
             let started = Instant::now();

@@ -10,11 +10,11 @@ use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
 use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
-use crate::load::{Model, ModelView, NodeView};
+use crate::load::{Model, NodeView};
 use crate::render::cells::Cells;
 use crate::render::picture::pool;
 use crate::render::surface::Skin;
-use crate::render::{Camera, GridSpace, NamedView, Projection, RayCaster, ViewPoint, single};
+use crate::render::{Camera, GridSpace, Projection, RayCaster, ViewPoint, single};
 use crate::synthetic::AnalyticVolume;
 
 /// Directions from which a subject is looked at: none along an axis or a diagonal.
@@ -83,18 +83,6 @@ pub(super) fn lines(
     Ok(all)
 }
 
-/// Lines of sight of a parallel picture from the front.
-pub(super) fn front(
-    space: &GridSpace,
-    model: &Model<impl AsRef<[u8]>>,
-    pixels: u32,
-) -> Result<Vec<Line>, Error> {
-    let support = |direction| space.support(&model.view(), direction);
-    let point = ViewPoint::Named(NamedView::Front);
-    let camera = Camera::new(point, Projection::Parallel, FOV_DEG, 1.0, support)?;
-    Ok(through_pixels(&camera, pixels).collect())
-}
-
 fn through_pixels(camera: &Camera, pixels: u32) -> impl Iterator<Item = Line> {
     let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
     (0..pixels)
@@ -117,57 +105,42 @@ pub(super) fn cast(
     Ok(pool(threads)?.install(|| lines.par_iter().map(one).collect()))
 }
 
-/// As [`Scene::boxes`], by the best form.
+/// The first box of an edge of 2^k voxels or less on every line, and the nanoseconds of a ray on one thread.
 pub(super) fn cast_boxes(
     space: &GridSpace,
     model: &Model<impl AsRef<[u8]>>,
     lines: &[Line],
     k: u32,
 ) -> (Vec<Option<Met>>, Times) {
-    Scene { space, view: model.view(), dims: model.dims(), lines }.boxes(Form::best(), k)
-}
-
-/// Rays and what they are traced through.
-pub(super) struct Scene<'a> {
-    pub(super) space: &'a GridSpace,
-    pub(super) view: ModelView<'a>,
-    pub(super) dims: Dims,
-    pub(super) lines: &'a [Line],
-}
-
-impl Scene<'_> {
-    /// The first box of an edge of 2^k voxels or less on every line, and the nanoseconds of a ray on one thread.
-    pub(super) fn boxes(&self, form: Form, k: u32) -> (Vec<Option<Met>>, Times) {
-        let Self { space, view, dims, lines } = self;
-        let cells = view.cells().map(Cells::new);
-        let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
-        let Ok((seconds, hits)) = Times::of(|| {
-            let started = Instant::now();
-            let hit = |ray: &Option<_>| {
-                let ray = ray.as_ref()?;
-                match &cells {
-                    Some(cells) => single::trace(form, view, cells, ray, k).hit,
-                    None => single::trace(form, view, &Skin, ray, k).hit,
-                }
-            };
-            let hits: Vec<_> = rays.iter().map(hit).collect();
-            Ok::<_, Infallible>((started.elapsed().as_secs_f64(), hits))
-        });
-        let met = lines.iter().zip(hits).map(|((o, d), hit)| {
-            let hit = hit?;
-            let number = BoxIndex::new(hit.box_number);
-            let code = match hit.voxel(view) {
-                Some(voxel) => view.voxel_normal(VoxelIndex::new(voxel)),
-                None => view.node_normal(number.node()),
-            };
-            let point = std::array::from_fn(|a| o[a] + hit.t * d[a]);
-            let normal = code.map(|code| space.normal_to_world(normal::decode(code).map(f64::from)));
-            let at_border = at_border(hit.cell, 1 << hit.edge_log2, *dims);
-            Some(Met { t: hit.t, point, normal, voxel: hit.cell, at_border })
-        });
-        let per_ray = 1e9 / lines.len().max(1) as f64;
-        (met.collect(), seconds.scaled(per_ray))
-    }
+    let view = model.view();
+    let cells = view.cells().map(Cells::new);
+    let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
+    let Ok((seconds, hits)) = Times::of(|| {
+        let started = Instant::now();
+        let hit = |ray: &Option<_>| {
+            let ray = ray.as_ref()?;
+            match &cells {
+                Some(cells) => single::trace(Form::best(), &view, cells, ray, k).hit,
+                None => single::trace(Form::best(), &view, &Skin, ray, k).hit,
+            }
+        };
+        let hits: Vec<_> = rays.iter().map(hit).collect();
+        Ok::<_, Infallible>((started.elapsed().as_secs_f64(), hits))
+    });
+    let met = lines.iter().zip(hits).map(|((o, d), hit)| {
+        let hit = hit?;
+        let number = BoxIndex::new(hit.box_number);
+        let code = match hit.voxel(&view) {
+            Some(voxel) => view.voxel_normal(VoxelIndex::new(voxel)),
+            None => view.node_normal(number.node()),
+        };
+        let point = std::array::from_fn(|a| o[a] + hit.t * d[a]);
+        let normal = code.map(|code| space.normal_to_world(normal::decode(code).map(f64::from)));
+        let at_border = at_border(hit.cell, 1 << hit.edge_log2, model.dims());
+        Some(Met { t: hit.t, point, normal, voxel: hit.cell, at_border })
+    });
+    let per_ray = 1e9 / lines.len().max(1) as f64;
+    (met.collect(), seconds.scaled(per_ray))
 }
 
 /// Errors of hits against the true surface of a body.
