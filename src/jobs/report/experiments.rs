@@ -28,7 +28,7 @@ pub(super) struct Bench<'a> {
 }
 
 /// Steps of a synthetic volume, those that do not apply included, and of a model.
-pub(super) const OF_SYNTHETIC: u64 = 7;
+pub(super) const OF_SYNTHETIC: u64 = 8;
 pub(super) const OF_MODEL: u64 = 2;
 
 /// Caps that are tried, in MiB.
@@ -91,6 +91,7 @@ impl Bench<'_> {
         }
         found.push(self.done(self.frames(subject, &usual.model))?);
         found.push(self.done(self.budgets(subject, &*source, &options, &usual))?);
+        found.push(self.done(self.thread_counts(subject, &*source, &options, &usual))?);
         Ok(found)
     }
 
@@ -314,6 +315,34 @@ impl Bench<'_> {
             id: "budget",
             title: "How little memory a build takes",
             about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.".into(),
+            advice: None,
+            drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
+            rows,
+            pictures: Vec::new(),
+        })
+    }
+
+    fn thread_counts(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        usual: &Built,
+    ) -> Result<Experiment, Error> {
+        let counts = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.threads);
+        let mut rows = Vec::new();
+        for threads in counts.chain([self.threads]) {
+            let built = self.build(source, &BuildOptions { threads, ..options.clone() })?;
+            let errors =
+                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
+            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
+            rows.push(Self::row(subject, threads.to_string(), threads == self.threads, costs, errors));
+        }
+        Ok(Experiment {
+            id: "threads",
+            title: "What more threads bring",
+            about: "Time of a build by the number of its threads; the model is the same, byte for byte."
+                .into(),
             advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,

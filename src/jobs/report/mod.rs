@@ -58,7 +58,7 @@ pub struct ReportRequest {
     pub synthetic: Vec<String>,
     /// Folder of the page and the tables; made if it is not there.
     pub out: PathBuf,
-    /// Worker threads.
+    /// Most worker threads that are tried.
     pub threads: usize,
     /// Pixels along a side of the pictures that errors are measured on.
     pub pixels: u32,
