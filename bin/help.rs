@@ -11,7 +11,7 @@ const COLUMNS: usize = 100;
 /// Pages by name, with their subjects.
 const PAGES: [(&str, &str, &str); 9] = [
     ("commands", "all commands, exit codes, streams", include_str!("../src/jobs/COMMANDS.md")),
-    ("formats", "what is read: volumes and series", include_str!("../src/source/READING.md")),
+    ("formats", "what is read: volumes, series, masks, label maps", include_str!("../src/source/READING.md")),
     ("reading", "another name of formats", include_str!("../src/source/READING.md")),
     ("scenes", "several models in one picture", include_str!("../src/scene/SCENES.md")),
     ("meshes", "triangles as input", include_str!("../src/mesh/MESHES.md")),

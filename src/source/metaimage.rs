@@ -137,7 +137,14 @@ impl Header {
             }
             "elementspacing" => self.spacing = numbers(key, value)?,
             "elementsize" => self.element_size = numbers(key, value)?,
-            "offset" | "position" | "origin" => self.origin = numbers(key, value)?,
+            "offset" | "position" | "origin" => {
+                let before = std::mem::replace(&mut self.origin, numbers(key, value)?);
+                if !(before.is_empty() || before == self.origin) {
+                    return Err(bad!(
+                        "its header states the place of the first voxel twice (Offset, Position, Origin); remove the wrong line"
+                    ));
+                }
+            }
             "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(key, value)?,
             "elementtointensityfunctionslope" => self.intensity[0] = Some(number(key, value)?),
             "elementtointensityfunctionoffset" => self.intensity[1] = Some(number(key, value)?),

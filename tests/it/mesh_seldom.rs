@@ -166,6 +166,7 @@ fn misread_numbers_are_refused_with_their_line() {
     let off = |vertex: &str, face: &str| format!("OFF\n3 1 0\n{vertex}\n1 0 0\n0 1 0\n{face}\n");
     let utf16 = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
     std::fs::write(folder.path().join("a.mtl"), "newmtl a\nKd 0,5 1 1\n").unwrap();
+    std::fs::write(folder.path().join("b.mtl"), "newmtl a\nKd 200 0.5 1\n").unwrap();
     for (name, bytes, words) in [
         ("a.stl", solid("0,5 0 0", "0 0 1").into_bytes(), "line 4 cannot be understood: `0,5` is not a number"),
         ("a.stl", solid("0 0 0 0", "0 0 1").into_bytes(), "line 4 cannot be understood: `0` is one number more"),
@@ -176,6 +177,7 @@ fn misread_numbers_are_refused_with_their_line() {
         ("a.obj", obj("vn 0 0 1 1").into_bytes(), "line 4 cannot be understood: a normal has 4 numbers"),
         ("a.obj", obj("vt 0,5 1").into_bytes(), "line 4 cannot be understood: `0,5` is not a number"),
         ("a.obj", obj("mtllib a.mtl").into_bytes(), "names a.mtl: line 2 cannot be understood: `0,5` is not a number"),
+        ("a.obj", obj("mtllib b.mtl").into_bytes(), "names b.mtl: line 2 cannot be understood: 200 is not a part of a colour, from 0 to 1"),
         ("a.off", off("0,5 0 0", "3 0 1 2").into_bytes(), "line 3 cannot be understood: `0,5` is not a number"),
         ("a.off", off("0 0 0 0", "3 0 1 2").into_bytes(), "line 3 cannot be understood: a vertex"),
         ("a.off", off("0 0 0", "3 0 1 2 1 2").into_bytes(), "line 6 cannot be understood: the colour of a face"),

@@ -539,6 +539,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("ElementSpacing", "1 1 0"),
                 ("Offset", "0 0"),
                 ("Offset", "0, 0, 0"),
+                ("Offset", "0 0 0\nOrigin = 1 0 0"),
                 ("NDims", "3 3"),
                 ("TransformMatrix", "1 0 0 0 1 0 0 0 1 0"),
                 ("TransformMatrix", "1 0 0 0 1 0 0 0 one"),

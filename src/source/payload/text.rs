@@ -21,11 +21,15 @@ pub(super) struct Numbers<R> {
     sample: [u8; 8],
     /// Bytes of `sample` that were not handed out yet are the ones from here on.
     given: usize,
+    /// Marks since the last number: 1 for commas, 2 for blanks, 4 for ends of lines.
+    gap: u8,
+    /// True once a comma alone, and once blanks alone, stood between numbers of a line.
+    parted: [bool; 2],
 }
 
 impl<R: BufRead> Numbers<R> {
     pub(super) fn new(inner: R, samples: Samples) -> Self {
-        Self { inner, samples, sample: [0; 8], given: samples.bytes() }
+        Self { inner, samples, sample: [0; 8], given: samples.bytes(), gap: 4, parted: [false; 2] }
     }
 
     /// The next number; empty at the end.
@@ -39,12 +43,25 @@ impl<R: BufRead> Numbers<R> {
             let mut used = 0;
             for byte in input {
                 used += 1;
-                let separates = byte.is_ascii_whitespace() || *byte == b',';
-                if separates && length > 0 {
+                let mark = match byte {
+                    b',' => 1,
+                    b'\n' => 4,
+                    _ => 2 * u8::from(byte.is_ascii_whitespace()),
+                };
+                self.gap |= mark;
+                if mark > 0 && length > 0 {
                     self.inner.consume(used);
                     return Ok((token, length));
                 }
-                if !separates {
+                if mark == 0 {
+                    self.parted = [self.parted[0] || self.gap == 1, self.parted[1] || self.gap == 2];
+                    if self.parted == [true; 2] {
+                        let fault = bad!(
+                            "both commas and blanks alone are between numbers; write decimals with a point"
+                        );
+                        return Err(wrong(fault));
+                    }
+                    self.gap = 0;
                     *token.get_mut(length).ok_or_else(|| wrong(bad!("a number is too long")))? = *byte;
                     length += 1;
                 }
@@ -148,6 +165,11 @@ mod tests {
         assert_eq!(read(" 1, -2\n\t+258 ", i16s).unwrap(), [1, 0, 0xfe, 0xff, 2, 1]);
         assert_eq!(read("1.5e0", Samples::Plain(ScalarType::F32)).unwrap(), 1.5_f32.to_le_bytes());
         assert!(read("", i16s).unwrap().is_empty());
+        assert_eq!(read("1,2\n3 , 4", i16s).unwrap(), [1, 0, 2, 0, 3, 0, 4, 0]);
+        for decimals in ["1,5 2,5", "1 2,5\n", "1,5\n2\t3"] {
+            let fault = read(decimals, i16s).unwrap_err().to_string();
+            assert!(fault.contains("write decimals with a point"), "{decimals}: {fault}");
+        }
         for wrong in ["40000", "1.5", "x", &"1".repeat(65), "\u{e4}"] {
             assert_eq!(read(wrong, i16s).unwrap_err().kind(), io::ErrorKind::InvalidData, "{wrong}");
         }

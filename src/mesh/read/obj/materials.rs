@@ -132,7 +132,15 @@ impl<'a> Materials<'a> {
                     self.all.push(Material { color: [1.0; 3], texture: None });
                 }
                 b"Kd" => {
+                    let line = words.line();
                     let ([r, g, b], count) = words.rest("a colour", &[1, 3])?;
+                    if let Some(part) = [r, g, b].into_iter().find(|part| *part > 1.0) {
+                        return Err(bad_text_because(
+                            line,
+                            &format!("{part} is not a part of a colour, from 0 to 1"),
+                        )
+                        .into());
+                    }
                     if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
                         material.color = light(if count == 1 { [r; 3] } else { [r, g, b] });
                     }
