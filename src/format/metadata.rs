@@ -22,6 +22,13 @@ pub struct SourceMeta {
     pub bytes: u64,
 }
 
+impl SourceMeta {
+    /// True for formats whose axes are a patient's.
+    pub(crate) fn is_patient(&self) -> bool {
+        matches!(self.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage")
+    }
+}
+
 /// Method that chose the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -1,7 +1,6 @@
 //! Surroundings of a picture apart from its scale bar: a title, and the labels that are seen.
 
 use std::collections::BTreeSet;
-use std::ffi::OsStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::format::Label;
@@ -9,7 +8,7 @@ use crate::format::Label;
 use crate::render::Image;
 use crate::render::annotate::{Entry, Ramp, Style};
 use crate::scene::Seen;
-use crate::text::{Short, shown};
+use crate::text::shown;
 
 /// A title, a legend, and the size of the picture within.
 pub(super) struct Frame {
@@ -109,18 +108,6 @@ fn captioned(strip: Option<Image>, image: Image) -> Image {
     whole
 }
 
-/// A title of a name and a size: the sides of the box around the model, in mm, to three digits or whole ones.
-pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> String {
-    let side = |axis: usize| {
-        let mut direction = [0.0; 3];
-        direction[axis] = 1.0;
-        let mm = support(direction) + support(direction.map(|c| -c));
-        let unit = if mm > 0.0 { 10_f64.powf(mm.log10().floor() - 2.0).min(1.0) } else { 1.0 };
-        Short((mm / unit).round() * unit).to_string()
-    };
-    format!("{} · {} × {} × {} mm", shown(name), side(0), side(1), side(2))
-}
-
 /// Legend entries of the labels of a model, the largest first; `model` is its number among the models of the picture.
 pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Seen, Entry)> {
     let mut labels: Vec<&Label> = labels.collect();
@@ -131,20 +118,4 @@ pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a L
         Entry { color: label.color, name, plain }
     };
     labels.into_iter().map(|label| ((model, label.number), entry(label))).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn titles_state_sizes_to_three_digits_or_whole_millimetres() {
-        let sides = [1234.5, 4.1239, 0.048_82];
-        let support = |d: [f64; 3]| d.iter().zip(sides).map(|(d, side)| d.max(0.0) * side).sum();
-        assert_eq!(size_title(OsStr::new("a"), support), "a · 1235 × 4.12 × 0.0488 mm");
-        assert_eq!(
-            size_title(OsStr::new("a"), |d: [f64; 3]| 155.159 / 2.0 * d[0].abs()),
-            "a · 155 × 0 × 0 mm"
-        );
-    }
 }

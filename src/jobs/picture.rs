@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::frame::{Frame, size_title};
+use super::frame::Frame;
 use super::open_model::open_model;
 use super::picture_memory::PictureMemory;
 use super::picture_set::{self, FrameNames, PictureSet};
@@ -20,7 +20,7 @@ use crate::progress::Progress;
 use crate::render::image::{ImageFile, PngLayer, PngRows};
 use crate::render::{Image, RenderError};
 use crate::scene::Seen;
-use crate::text::{data, shown};
+use crate::text::{data, shown, size_title};
 
 /// Paths of the pictures of one call, and their layout.
 #[derive(Clone, Copy, Debug)]
@@ -252,7 +252,7 @@ fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &R
         Some("") => {
             let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip().is_empty());
             let uncut = if is_cut { " (uncut)" } else { "" };
-            Some(size_title(path.file_stem().unwrap_or_default(), support) + uncut)
+            Some(size_title(shown(path.file_stem().unwrap_or_default()), support) + uncut)
         }
         title => title.map(|text| shown(text).to_string()),
     };

@@ -67,7 +67,7 @@ pub struct RenderRequest {
     pub section: Option<Section>,
     /// Visibility of labels; later rules override earlier ones, and rules of a scene.
     pub labels: Vec<LabelRule>,
-    /// True to draw a scale bar and the patient's sides below the picture.
+    /// True to draw a scale bar and the patient's sides, or the axes, below the picture.
     pub annotate: bool,
     /// True to make a depth image, too.
     pub depth: bool,
@@ -233,7 +233,7 @@ fn render_within(
         .iter()
         .map(|model| Ok(Instance::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
     let parts: Vec<Instance<'_>> = parts.collect::<Result<_, RenderError>>()?;
-    let bodies = Bodies { parts: &parts, scene: &scene, legend: None, ramp: None };
+    let bodies = Bodies { parts: &parts, scene: &scene, legend: None, ramp: None, is_patient: true };
     let (image, report, _) = paint_whole(&bodies, request, &Silent, relief)?;
     Ok((image, report))
 }
@@ -246,6 +246,8 @@ pub(super) struct Bodies<'a> {
     pub(super) legend: Option<Vec<(Seen, Entry)>>,
     /// The colours of values, if a legend is wanted and values are shown.
     pub(super) ramp: Option<Ramp>,
+    /// True if the axes of all models are a patient's.
+    pub(super) is_patient: bool,
 }
 
 impl Bodies<'_> {
@@ -338,6 +340,7 @@ pub(super) struct Prepared {
     pub(super) look: PictureSettings,
     /// Style of the strip below the picture.
     style: Option<Style>,
+    is_patient: bool,
     /// Time of the preparation.
     setup: Duration,
     /// Nearest and farthest depth of the models in mm.
@@ -405,7 +408,7 @@ impl Prepared {
             max_band_pixels: None,
             camera,
         };
-        Ok(Self { start, look, style, setup: start.elapsed(), range_mm })
+        Ok(Self { start, look, style, is_patient: bodies.is_patient, setup: start.elapsed(), range_mm })
     }
 
     /// Boxes side by side in the farthest pixel, for the model with the smallest ones.
@@ -421,7 +424,7 @@ impl Prepared {
     /// The strip below the picture, whose bar is true at the models' middle; with the layers of `like`.
     fn strip(&self, like: &Image) -> Option<Image> {
         let middle_mm = (self.range_mm.0 + self.range_mm.1) / 2.0;
-        Some(self.style?.bar(like, &self.look.camera, (self.look.height, middle_mm)))
+        Some(self.style?.bar(like, (&self.look.camera, self.is_patient), (self.look.height, middle_mm)))
     }
 
     fn report(&self, bodies: &Bodies<'_>, request: &RenderRequest, counts: &Counts) -> RenderReport {

@@ -57,7 +57,7 @@ fn scene_at(path: &Path, request: &RenderRequest) -> Result<Scene, Error> {
 
 /// The scene of a single model.
 fn alone(path: &Path) -> Scene {
-    Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()))
+    Scene::of_model(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())))
 }
 
 /// The files of a scene, each opened once.
@@ -223,7 +223,8 @@ fn with_bodies<D: AsRef<[u8]>, T>(
     }
     let ramp = ramp.filter(|_| has_legend);
     let legend = (has_legend && ramp.is_none()).then(|| legend(path, models, request)).transpose()?;
-    let bodies = Bodies { parts: &parts, scene, legend, ramp };
+    let is_patient = models.iter().all(|(_, model, ..)| model.metadata().source.is_patient());
+    let bodies = Bodies { parts: &parts, scene, legend, ramp, is_patient };
     let [width, height] = bodies.size(request);
     let of_scene = is_scene(path);
     crate::render::picture::check_size(width, height).map_err(|error| match *error.fault() {

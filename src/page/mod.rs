@@ -32,7 +32,7 @@ use crate::format::{Channel, Label, Quantity, SectionKind, ValueColors};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
-use crate::text::html;
+use crate::text::{html, size_title};
 
 use data::Section;
 
@@ -78,6 +78,16 @@ pub(crate) enum Shown<'a, D> {
 }
 
 impl<D: AsRef<[u8]>> Shown<'_, D> {
+    /// The title, with the size of a model.
+    fn caption(&self, title: &str) -> String {
+        match self {
+            Self::Model(model, space) => {
+                size_title(title, |direction| space.support_of_inside(&model.view(), direction, None))
+            }
+            _ => title.to_owned(),
+        }
+    }
+
     /// Classes of the page, which tell its scripts what to prepare while the model is loading.
     fn kind(&self, way: Transport) -> &'static str {
         let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
@@ -193,6 +203,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
         match name {
             "POLICY" => out.write_all(policy.as_bytes())?,
             "TITLE" => out.write_all(html(title).as_bytes())?,
+            "CAPTION" => out.write_all(html(&shown.caption(title)).as_bytes())?,
             "STYLE" => out.write_all(style.as_bytes())?,
             "PICTURE" if picture.is_empty() => out.write_all(b"data:,")?,
             "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
@@ -256,7 +267,7 @@ impl<'a> Head<'a> {
             box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
             value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
             value_scale: meta.value_scale,
-            patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
+            patient: meta.source.is_patient(),
             labels: model.frame().labels.iter().map(part).collect(),
             quantity: model.frame().quantity.as_ref().map(|of| Measured::of(of, meta.value_scale)),
             ..Self::default()

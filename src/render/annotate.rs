@@ -17,7 +17,7 @@ use super::font::Letters;
 use super::image::Image;
 use crate::format::{Quantity, ValueColors};
 use crate::geom::dot;
-use crate::text::{Short, shown};
+use crate::text::{mark, shown};
 
 /// Shorter side in pixels below which a picture has no annotations.
 const MIN_SIDE: u32 = 64;
@@ -38,8 +38,9 @@ const LINE_EMS: f64 = 1.5;
 /// Height of capitals in ems.
 const CAPITAL: f64 = 0.729;
 
-/// Letters of the patient's sides: for x, y and z, in the positive and in the negative direction.
-const SIDES: [[&str; 2]; 3] = [["L", "R"], ["P", "A"], ["S", "I"]];
+/// Names of the sides of a part and of a patient: for x, y and z, in the positive and in the negative direction.
+const SIDES: [[[&str; 2]; 3]; 2] =
+    [[["x", "-x"], ["y", "-y"], ["z", "-z"]], [["L", "R"], ["P", "A"], ["S", "I"]]];
 
 /// Least cosine between a face of the cube and the line of sight for its letter to be written on it.
 const FACING: f64 = 0.35;
@@ -101,7 +102,7 @@ impl Ramp {
         (0..TICKS).map(move |tick| {
             let part = f64::from(tick) / f64::from(TICKS - 1);
             let value = lo + part * (hi - lo);
-            let number = Short(if value.abs() < 1e-12 * (hi - lo) { 0.0 } else { value });
+            let number = mark(value, hi - lo);
             // Values beyond the ends have the colours of the ends.
             let beyond = match tick {
                 0 if lo != 0.0 => "≤ ",
@@ -188,11 +189,16 @@ impl Style {
     }
 
     /// A strip with a scale bar in mm, true at `depth_mm` (everywhere, for a parallel camera), and with a cube that
-    /// shows the letters of the patient's sides; for a picture by this camera.
-    pub(crate) fn bar(self, like: &Image, camera: &Camera, (height, depth_mm): (u32, f64)) -> Image {
+    /// shows the letters of the patient's sides, or else the axes; for a picture by this camera.
+    pub(crate) fn bar(
+        self,
+        like: &Image,
+        (camera, is_patient): (&Camera, bool),
+        (height, depth_mm): (u32, f64),
+    ) -> Image {
         let mut sheet = self.strip(like, like.width, self.bar_rows());
         sheet.bar(camera.pixel_mm(height, depth_mm));
-        sheet.cube(camera);
+        sheet.cube(camera, SIDES[usize::from(is_patient)]);
         sheet.image
     }
 
@@ -290,7 +296,7 @@ impl Sheet {
     }
 
     /// The orientation cube as seen by the camera.
-    fn cube(&mut self, camera: &Camera) {
+    fn cube(&mut self, camera: &Camera, sides: [[&str; 2]; 3]) {
         let [right, up, forward] = camera.axes();
         // Its diagonal fits the strip.
         let reach = 0.46 * f64::from(self.image.height);
@@ -298,7 +304,7 @@ impl Sheet {
         let middle =
             [f64::from(self.image.width) - reach - 0.25 * self.style.em, f64::from(self.image.height) / 2.0];
         let place = |p: [f64; 3]| [middle[0] + half * dot(p, right), middle[1] - half * dot(p, up)];
-        for (axis, letters) in SIDES.into_iter().enumerate() {
+        for (axis, letters) in sides.into_iter().enumerate() {
             for (letter, sign) in letters.into_iter().zip([1.0, -1.0]) {
                 let mut normal = [0.0; 3];
                 normal[axis] = sign;
@@ -486,7 +492,7 @@ mod tests {
         let camera = Camera::new(point, Projection::Parallel, 35.0, 1.0, support).unwrap();
         for (ground, ink) in [(None, 32), (Some([255; 3]), 32), (Some([0, 0, 90]), 240)] {
             let style = Style::of([400, 400], ground).unwrap();
-            let strip = style.bar(&blank(400, 300), &camera, (300, 0.0));
+            let strip = style.bar(&blank(400, 300), (&camera, true), (300, 0.0));
             assert_eq!([strip.width, strip.height], [400, style.bar_rows()]);
             let pixel_mm = camera.pixel_mm(300, 0.0);
             let mm = inked(&strip, strip.height * 7 / 10, [ink, ink, ink, 255]) as f64 * pixel_mm;

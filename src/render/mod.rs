@@ -28,7 +28,7 @@
 //! | [`shade`], [`picture`], [`image`] | light; sizes, threads and codes of pictures; files. The painter is [`crate::scene`] |
 //! | `ambient_filter` | openness as a mean over pixels, and where neighbours differ |
 //! | `colors` | the colour of what was hit, where the model has colours |
-//! | `annotate`, `font` | a scale bar, the patient's sides, letters |
+//! | `annotate`, `font` | a scale bar, the patient's sides or the axes, letters |
 //!
 #![doc = include_str!("TRAVERSAL.md")]
 

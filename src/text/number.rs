@@ -63,6 +63,25 @@ impl<N: fmt::Display + PartialEq + From<u8>> fmt::Display for Count<N> {
     }
 }
 
+/// A title of a name and a size: the sides of the box around the model, in mm, to three digits or whole ones.
+pub(crate) fn size_title(name: impl fmt::Display, support: impl Fn([f64; 3]) -> f64) -> String {
+    let side = |axis: usize| {
+        let mut direction = [0.0; 3];
+        direction[axis] = 1.0;
+        let mm = support(direction) + support(direction.map(|c| -c));
+        let unit = if mm > 0.0 { 10_f64.powf(mm.log10().floor() - 2.0).min(1.0) } else { 1.0 };
+        Short((mm / unit).round() * unit).to_string()
+    };
+    format!("{name} · {} × {} × {} mm", side(0), side(1), side(2))
+}
+
+/// A number rounded to a thousandth of the power of ten of a range, for marks along it.
+pub(crate) fn mark(value: f64, range: f64) -> Short {
+    let unit = 10_f64.powi((3 - power(range)).clamp(-300, 300));
+    let rounded = (value * unit).round() / unit;
+    Short(if rounded.is_finite() { rounded + 0.0 } else { value })
+}
+
 /// Power of ten of the first digit.
 fn power(value: f64) -> i32 {
     let text = format!("{value:e}");
@@ -85,6 +104,28 @@ fn write_rounded(f: &mut fmt::Formatter<'_>, value: f64, places: i32) -> fmt::Re
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn titles_state_sizes_to_three_digits_or_whole_millimetres() {
+        let sides = [1234.5, 4.1239, 0.048_82];
+        let support = |d: [f64; 3]| d.iter().zip(sides).map(|(d, side)| d.max(0.0) * side).sum();
+        assert_eq!(size_title("a", support), "a · 1235 × 4.12 × 0.0488 mm");
+        assert_eq!(size_title("a", |d: [f64; 3]| 155.159 / 2.0 * d[0].abs()), "a · 155 × 0 × 0 mm");
+    }
+
+    #[test]
+    fn marks_have_the_digits_of_their_range() {
+        let marks = [
+            (39.9997, 39.9997),
+            (29.999_775, 39.9997),
+            (37.5, 150.0),
+            (-0.025, 0.1),
+            (-1e-9, 4.0),
+            (1234.56, 1234.56),
+        ];
+        let texts = marks.map(|(value, range)| mark(value, range).to_string());
+        assert_eq!(texts, ["40", "30", "37.5", "-0.025", "0", "1235"].map(str::to_owned));
+    }
 
     #[test]
     fn numbers_have_the_digits_that_mean_something() {

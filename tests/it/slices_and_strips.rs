@@ -158,6 +158,24 @@ fn strips_leave_the_picture_alone() {
     }
 }
 
+/// The cube has the letters of a patient for formats that state a patient's axes, and otherwise x, y, z.
+#[test]
+fn a_cube_has_a_patients_letters_where_the_axes_are_a_patients() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples: Vec<u8> = (0..512).map(|i| if (2..6).contains(&(i % 8)) { 9 } else { 0 }).collect();
+    let strip = |name: &str, head: &str, flags: &[&str]| {
+        let (source, model) = (folder.path().join(name), folder.path().join("m.oct"));
+        fs::write(&source, [head.as_bytes(), &samples].concat()).unwrap();
+        let build = ["build", &text(&source), "-o", &text(&model), "--iso", "5"];
+        assert_eq!(oct(&[&build[..], flags].concat()).code, 0);
+        picture(folder.path(), &text(&model), &["--size", "200x200", "--annotate", "--view", "iso"])
+    };
+    let raw = strip("a.raw", "", &["--dims", "8x8x8", "--dtype", "u8"]);
+    let head = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 8 8 8\nencoding: raw\nspace: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n\n";
+    let nrrd = strip("a.nrrd", head, &[]);
+    assert!(raw != nrrd && raw[..140 * 200] == nrrd[..140 * 200]);
+}
+
 /// The frames of a turntable, six seconds together, as its animated PNG has them but for the palette.
 #[test]
 fn a_gif_has_the_frames_of_the_turntable() {

@@ -245,11 +245,15 @@ fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
     for (size, is_phone) in [([390, 844], true), ([1200, 500], false), ([320, 480], true)] {
         page.size(size, is_phone);
         let ratio = if is_phone { 2 } else { 1 };
-        // On a phone the tools have a row of their own.
-        let height = size[1] - if is_phone { 48 } else { 0 };
+        // On a phone the tools have two rows of their own.
+        let height = size[1] - if is_phone { 84 } else { 0 };
         page.until(&format!("canvas.width === {} && canvas.height === {}", ratio * size[0], ratio * height));
         page.whole();
         assert_eq!(page.ask("document.documentElement.scrollWidth <= innerWidth"), true, "{size:?}");
+        let within = "(box => !box.width || box.right <= innerWidth && box.bottom <= 84)(tool.getBoundingClientRect())";
+        assert_eq!(page.ask(&format!("[...$('tools').children].every(tool => {within})")), true, "{size:?}");
+        let name = "getComputedStyle($('said'), '::before').content";
+        assert!(page.ask(name).as_str().is_some_and(|name| name.starts_with("\"head · ")), "{size:?}");
     }
     page.size([320, 240], false);
     page.reset();
