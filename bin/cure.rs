@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 28] = [
+const OTHERWISE: [(&str, &str); 27] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -14,8 +14,7 @@ const OTHERWISE: [(&str, &str); 28] = [
     ("spacing_mm", "--spacing"),
     ("unit_mm", "--unit"),
     ("build", "oct build"),
-    ("jobs::build(MESH)", "oct build MESH -o MODEL.oct"),
-    ("jobs::build(TREE.csg)", "oct build TREE.csg -o MODEL.oct"),
+    ("jobs::build(INPUT)", "oct build INPUT -o MODEL.oct"),
     ("jobs::compare", "oct compare"),
     ("jobs::export::export_each", "--each"),
     ("jobs::info", "oct info"),

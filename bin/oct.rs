@@ -134,6 +134,7 @@ fn meant(e: &clap::Error, oct: &clap::Command, command: Option<&clap::Command>) 
             let known = oct.get_subcommands().map(|command| command.get_name().to_owned());
             (e.get(ContextKind::InvalidSubcommand)?, known.collect::<Vec<_>>())
         }
+        ErrorKind::ValueValidation => return without_unit(e),
         _ => return None,
     };
     let ContextValue::String(word) = word else { return None };
@@ -152,6 +153,27 @@ fn meant(e: &clap::Error, oct: &clap::Command, command: Option<&clap::Command>) 
         _ => having.concat(),
     };
     Some(format!("; {flag} is an option of {having}"))
+}
+
+/// A hint for a number with a unit, where the name of the value states the unit or that it is a number.
+fn without_unit(e: &clap::Error) -> Option<String> {
+    let [of, value] =
+        [ContextKind::InvalidArg, ContextKind::InvalidValue].map(|kind| e.get(kind).map(ToString::to_string));
+    let (of, value) = (of?, value?);
+    let unit = [
+        ("MM", ", in mm"),
+        ("X", ", in mm"),
+        ("BOUNDS", ", in mm"),
+        ("DEG", ", in degrees"),
+        ("<V", ""),
+        ("LO..HI", ""),
+    ];
+    let (_, unit) = unit.into_iter().find(|(name, _)| of.contains(name) && !of.contains("NX"))?;
+    let has_unit = |part: &str| {
+        let number = part.trim_end_matches(|letter: char| letter.is_alphabetic() || letter == '°').trim_end();
+        number.len() < part.len() && number.ends_with(|digit: char| digit.is_ascii_digit())
+    };
+    value.split([',', 'x', '=', '.']).any(has_unit).then(|| format!("; write the number alone{unit}"))
 }
 
 /// An option of a command whose value may be left out, and that was given with a word after it instead of `=`.

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::exit::{ExitKind, opaque_error};
 use crate::format::FormatError;
-use crate::text::names::{BUILD_MESH, BUILD_TREE, RENDER};
+use crate::text::names::{BUILD_INPUT, RENDER};
 use crate::text::{reading, shown};
 
 opaque_error! {
@@ -43,16 +43,13 @@ impl fmt::Display for Reason<'_> {
         let Self(path, cause) = self;
         let suffix = path.extension().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
         match (cause, suffix.as_str()) {
-            (FormatError::BadMagic, "csg") => {
-                write!(f, "is a tree of solids, not a model; build it first, with `{BUILD_TREE}`")
-            }
-            (FormatError::BadMagic, "stl" | "ply" | "obj" | "off" | "gltf" | "glb" | "3mf") => {
-                write!(f, "is a mesh, not a model; build it first, with `{BUILD_MESH}`")
-            }
             (FormatError::BadMagic, "toml") => write!(
                 f,
                 "is not a model; a scene is shown by `{RENDER}` alone, and is not a part of another one"
             ),
+            (FormatError::BadMagic, suffix) if suffix != "oct" => {
+                write!(f, "is not a model; build it first, with `{BUILD_INPUT}`")
+            }
             _ => cause.fmt(f),
         }
     }

@@ -97,8 +97,7 @@ names! {
     VOXEL = "GridChoice::Voxel",
     // Jobs.
     BUILD = "build",
-    BUILD_MESH = "jobs::build(MESH)",
-    BUILD_TREE = "jobs::build(TREE.csg)",
+    BUILD_INPUT = "jobs::build(INPUT)",
     COMPARE = "jobs::compare",
     INFO = "jobs::info",
     MERGE = "jobs::parts::merge",

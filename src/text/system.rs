@@ -5,7 +5,7 @@ use std::io;
 
 use crate::atomic::TargetFault;
 use crate::platform::{is_not_regular, is_open_elsewhere, is_too_many_open};
-use crate::text::names::SCAN;
+use crate::text::names::BUILD_INPUT;
 
 /// The cure for a file that cannot be read; `usual` if the reason suggests no other.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
@@ -33,7 +33,9 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
         match self {
             Self::RaiseLimit => f.write_str(RAISE_LIMIT),
             Self::CloseIt => f.write_str(CLOSE_IT),
-            Self::NameFile => write!(f, "name a file; `{SCAN}` lists what is in a folder"),
+            Self::NameFile => {
+                write!(f, "name a file; a folder of slices becomes a model with `{BUILD_INPUT}`")
+            }
             Self::Usual(cure) => cure.fmt(f),
         }
     }

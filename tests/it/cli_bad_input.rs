@@ -213,6 +213,15 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["render", &input, "-o", &output, "--fov", "180"], &["180", "170 degrees"]),
         (&["render", &input, "-o", &output, "--view", "inside"], &["inside", "front"]),
         (&["render", &input, "-o", &output, "--zoom", "0"], &["'0'", "0.01 to 1000"]),
+        (
+            &["render", &input, "-o", &output, "--clip", "z=..4mm"],
+            &["'4mm'", "write the number alone, in mm;"],
+        ),
+        (&["render", &input, "-o", &output, "--fov", "30deg"], &["write the number alone, in degrees;"]),
+        (&["compare", &input, &input, "--tolerance", "0.2 mm"], &["write the number alone, in mm;"]),
+        (&["build", &input, "-o", &output, "--iso", "300HU"], &["'300HU'", "write the number alone;"]),
+        (&["build", &input, "-o", &output, "--range", "1..2HU"], &["write the number alone;"]),
+        (&["build", &input, "-o", &output, "--spacing", "1x1x2um"], &["write the number alone, in mm;"]),
         (&["render", &input, "-o", &output, "--color", "reddish"], &["'reddish'", "#rrggbb"]),
         (&["measure", &input], &["did you mean 'info'"]),
         (&["build", &input, "-o", &output, "--resolution", "9"], &["did you mean '--grid'"]),
@@ -449,8 +458,17 @@ fn files_that_are_no_models_are_refused_by_every_command() {
             stage.untouched();
         }
     }
+    for name in ["scan.nrrd", "part.stl", "tree.csg", "head.raw", "bare"] {
+        let path = text(&stage.file(name, &noise));
+        for command in commands {
+            let sentence = "is not a model; build it first, with `oct build INPUT -o MODEL.oct`";
+            oct(&[command, &[&path]].concat()).refused(3, &[name, sentence]);
+        }
+    }
     fs::create_dir(stage.path("folder.oct")).unwrap();
-    for name in ["folder.oct", "missing.oct", "/dev/zero"] {
+    oct(&["render", &text(&stage.path("folder.oct")), "-o", &output, "--force"])
+        .refused(3, &["a folder of slices becomes a model with `oct build INPUT -o MODEL.oct`"]);
+    for name in ["folder.oct", "folder.oct/..", "missing.oct", "/dev/zero"] {
         let path = text(&stage.path(name));
         for command in commands {
             oct(&[command, &[&path]].concat()).refused(3, &[name]);

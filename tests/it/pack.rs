@@ -34,6 +34,13 @@ fn unpacking_gives_the_file_and_packing_again_gives_the_archive() {
                 [mapped, archived].map(|info| serde_json::to_value(info.json()).unwrap());
             assert_eq!(mapped["checksum"], archived["checksum"]);
             assert_eq!(mapped["nodes"], archived["nodes"]);
+
+            let request = pack::StripRequest { channels: None, levels: u32::from(i > 1), lod: false };
+            let stripped = ["a", "p"].map(|from| {
+                pack::strip(&name(from), &name("s"), &request).unwrap();
+                fs::read(name("s")).unwrap()
+            });
+            assert!(stripped[0] == stripped[1], "{dims:?} {channels:?}");
         }
     }
 }

@@ -14,10 +14,9 @@ use super::stream::Writer;
 use super::{PackReport, convert, decode};
 use crate::error::Error;
 use crate::fault::{self, conversions, usage};
-use crate::format::{
-    Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind, damaged,
-};
+use crate::format::{Channel, Channels, Encoding, SectionEntry, SectionKind, SurfaceKind, damaged};
 use crate::geom::{Dims, Level};
+use crate::jobs::open_model::scratch_beside;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
 use crate::progress::Silent;
 use crate::text::names::{CHANNELS, INFO, LEVELS, LOD};
@@ -36,13 +35,21 @@ pub struct StripRequest {
     pub lod: bool,
 }
 
-/// Writes a mapped model without the parts that the request leaves out.
+/// Writes a model without the parts that the request leaves out, in the mapped form. A packed one is unpacked into an
+/// unnamed file beside the output first.
 ///
 /// # Errors
-/// The input is damaged, foreign or packed; the request does not fit it; the output cannot be written. A file at
+/// The input is damaged or foreign; the request does not fit it; the output cannot be written. A file at
 /// `output` is untouched then.
 pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<PackReport, Error> {
-    convert(input, output, &Silent, |source, out| strip_file(source, out, request))
+    convert(input, output, &Silent, |source, out| {
+        if Frame::read(source)?.header.encoding == Encoding::Mapped {
+            return strip_file(source, out, request);
+        }
+        let mapped = scratch_beside(output).map_err(Stop::Output)?;
+        decode::unpack_file(source, &mapped)?;
+        strip_file(&mapped, out, request)
+    })
 }
 
 /// Reason for stopping.
@@ -73,9 +80,6 @@ pub(super) fn strip_file<R: ReadAt + ?Sized>(
     out: &File,
     request: &StripRequest,
 ) -> Result<Frame, StripStop> {
-    if Frame::read(source)?.header.encoding == Encoding::Packed {
-        return Err(Stop::from(FormatError::Packed).into());
-    }
     let frame = verify(source)?;
     let kept = kept_channels(&frame, request)?;
     let mut left = lay_out(&frame, kept, request)?;
