@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 from . import _infobyte
 from ._build import build
+from ._check import checked
 from ._compare import _path, compare, pores, thickness
 from ._errors import BudgetError, InfobyteError, InputError, UsageError
-from ._model import Hits, Mesh, Model, Nearest
+from ._model import Hits, Mesh, Model, Nearest, _threads
 from ._model import loads as _loads
 from ._progress import bar
 
@@ -44,6 +45,7 @@ def __dir__() -> list[str]:
     return [*__all__, "__version__"]
 
 
+@checked
 def open(path: Path, *, mmap: bool = True) -> Model:
     """Opens a model, `.oct`, packed or not. Costs some microseconds whatever its size; a packed one is unpacked first.
 
@@ -57,6 +59,7 @@ def open(path: Path, *, mmap: bool = True) -> Model:
     return Model(path, mmap=mmap)
 
 
+@checked
 def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes a model in its smallest form, for archives; the keys of `oct pack`. `progress` as in `build`.
 
@@ -68,12 +71,14 @@ def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> di
         return _loads(_infobyte.pack(_path(model), os.fspath(output), told))
 
 
+@checked
 def unpack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes the mapped form of a packed model, byte for byte what it was made from; the keys of `oct unpack`."""
     with bar(progress) as told:
         return _loads(_infobyte.unpack(_path(model), os.fspath(output), told))
 
 
+@checked
 def verify(model: Model | Path) -> dict[str, Any]:
     """Checks every byte of a model; the keys of `oct verify`. Raises `InputError` with the first rule that is broken.
 
@@ -83,6 +88,7 @@ def verify(model: Model | Path) -> dict[str, Any]:
     return _loads(_infobyte.verify(_path(model)))
 
 
+@checked
 def render_scene(
     scene: Path,
     output: Path,
@@ -98,6 +104,5 @@ def render_scene(
     Raises `InputError` with the line of what is wrong in the scene.
     """
     sides = None if size is None else [int(side) for side in size]
-    workers = threads or len(os.sched_getaffinity(0))
     with bar(progress) as told:
-        return _loads(_infobyte.render_scene(os.fspath(scene), os.fspath(output), sides, workers, told))
+        return _loads(_infobyte.render_scene(os.fspath(scene), os.fspath(output), sides, _threads(threads), told))

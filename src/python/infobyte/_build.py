@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _infobyte, _sources
+from ._check import checked, dumps
 from ._errors import UsageError
-from ._model import Model
+from ._model import Model, bytes_of
 from ._progress import bar
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 UNITS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 
+@checked
 def build(
     source: Any,
     output: Path,
@@ -51,7 +53,7 @@ def build(
     channels: Sequence[Channel] | None = None,
     gradient: Gradient | None = None,
     connectivity: Connectivity | None = None,
-    visible_from: Sequence[Any] = (),
+    visible_from: Sequence[str | Sequence[float]] = (),
     lod: bool = True,
     roi: Sequence[tuple[int, int]] | None = None,
     downsample: Downsample | None = None,
@@ -146,31 +148,23 @@ def build(
     >>> model.shape
     (48, 48, 48)
     """
-    if axes not in ("zyx", "xyz"):
-        raise UsageError(f"axes={axes!r} is not an order of axes; choose 'zyx' or 'xyz'")
     if sum(given is not None for given in (iso, range, preset, labels)) > 1:
         raise UsageError("iso, range, preset and labels exclude each other; give one")
     if names is not None and labels is None:
         raise UsageError("names are of labels; give labels, too")
     if each is not None and labels is None:
         raise UsageError("each is of labels; give labels, too")
-    if unit not in UNITS:
-        raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
-    if labels is True:
-        raise TypeError("labels=True does not say which; give 'all', numbers, or text such as '1,5,7..20'")
-    if isinstance(labels, int):
-        labels = [labels]
-    share = memory if isinstance(memory, int) else _infobyte.size(memory)
     if smooth is not None and labels is None:
         raise UsageError("smooth is for labels; give labels, too")
+    if labels is not None and not isinstance(labels, str):
+        labels = ",".join(str(int(label)) for label in np.atleast_1d(labels))
     asked = {
         "build": _given(
             threshold=_threshold(iso, range),
-            labels=labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
-            smooth=_finite("smooth", smooth), surface=surface, error=None if error is None else str(error),
+            labels=labels, smooth=smooth, surface=surface, error=None if error is None else str(error),
             uncertainty=bool(uncertainty),
             channels=None if channels is None else list(channels), gradient=gradient,
-            connectivity=_text(connectivity), lod=bool(lod), memory={"share": share}, threads=threads,
+            connectivity=_text(connectivity), lod=bool(lod), memory={"share": bytes_of(memory)}, threads=threads,
             scratch=None if scratch is None else os.fspath(scratch),
         ),
         "clean": _given(
@@ -186,9 +180,6 @@ def build(
         "each": None if each is None else os.fspath(each), "affine": None, "rescale": None,
     }  # fmt: skip
     if hasattr(names, "items"):
-        for number, name in names.items():
-            if not isinstance(name, str):
-                raise TypeError(f"names[{number!r}]={name!r} is not text; colours come from a table of names")
         asked["build"]["label_names"] = [{"number": int(number), "name": name} for number, name in sorted(names.items())]
     elif names is not None:
         asked["names"] = os.fspath(names)
@@ -211,9 +202,15 @@ def build(
                 raise UsageError("files state their place; give spacing and orientation instead of affine")
             if spacing is not None:
                 asked["open"]["placement"]["spacing_mm"] = _three(spacing)
-            report = _infobyte.build_files(paths, target, _json(on_disk()), told)
+            report = _infobyte.build_files(paths, target, dumps(on_disk()), told)
         else:
-            report = _build_object(source, target, asked, on_disk, (spacing, origin, affine, axes), told)
+            of_files = {
+                "grid": grid, "voxel": voxel, "dims": dims, "dtype": dtype, "skip": skip, "fill": fill, "volume": volume, "index": index,
+                "orientation": orientation, "keep_thin": keep_thin, "follow_links": follow_links, "gaps": gaps != "error",
+                "up": up != "z", "unit": unit != "mm", "margin": margin != 1,
+            }  # fmt: skip
+            given = [name for name, value in of_files.items() if value is not None and value is not False]
+            report = _build_object(source, target, asked, on_disk, (spacing, origin, affine, axes), given, told)
     return Model._built(target, report)
 
 
@@ -228,11 +225,8 @@ def _text(value: Any) -> str | None:
 
 def _threshold(iso: float | None, range: tuple[float, float] | None) -> dict[str, Any] | None:
     if range is None:
-        return None if iso is None else {"iso": _finite("iso", iso)}
-    try:
-        low, high = (float(end) for end in range)
-    except (TypeError, ValueError):
-        raise TypeError(f"range={range!r} is not two numbers") from None
+        return None if iso is None else {"iso": iso}
+    low, high = (float(end) for end in range)
     if not low <= high:
         raise UsageError(f"the range {low}..{high} is empty; give the lower value first")
     end = sys.float_info.max
@@ -246,6 +240,14 @@ def _roi(roi: Sequence[tuple[int, int]] | None, axes: str) -> list[dict[str, int
     if any(part["start"] >= part["end"] for part in ranges):
         raise UsageError("roi is not a box; give (start, end) for each axis, start below end")
     return ranges
+
+
+def _refuse_outside(asked: dict[str, Any], sides: Sequence[int]) -> None:
+    for axis, side, part in zip("xyz", sides, asked["clean"].get("roi", ())):
+        if part["end"] > side:
+            raise UsageError(
+                f"roi ends at {part['end']} along {axis}, where the array has {side} samples; give (start, end) in the order of its axes"
+            )
 
 
 def _grid(grid: int | None, voxel: float | None, margin: int, origin: Any, dims: Any) -> dict[str, Any] | None:
@@ -273,7 +275,7 @@ def _raw(dims: Any, dtype: str | None, skip: int | None, origin: Any) -> dict[st
     raise UsageError("headerless files need dims and dtype")
 
 
-def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Callable[[], Any], place: Any, told: Any) -> str:
+def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Callable[[], Any], place: Any, of_files: list[str], told: Any) -> str:
     known = _sources.recognised(source)
     spacing, origin, affine, axes = place
     if isinstance(known, _sources.Triangles):
@@ -282,7 +284,9 @@ def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Call
         with tempfile.NamedTemporaryFile(suffix=".stl", dir=_folder(asked, target)) as file:
             known.write_stl(file)
             file.flush()
-            return _infobyte.build_files([file.name], target, _json(on_disk()), told)
+            return _infobyte.build_files([file.name], target, dumps(on_disk()), told)
+    if of_files:
+        raise UsageError(f"{of_files[0]} is for files and meshes; leave it out for samples in memory")
     samples, stated = source, None
     if known is not None:
         samples, stated, axes = known.samples, known.affine, "zyx"
@@ -295,10 +299,11 @@ def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Call
         if array.size == 0:
             raise UsageError("the array is empty")
         layout = list(array.shape[::-1]), _sources.NATIVE[_sources.kept_type(array.dtype).str[1:]]
+        _refuse_outside(asked, layout[0])
         stored = _sources.mapped_file(array)
         if stored is not None:
-            return _infobyte.build_stored(stored, layout, target, _json(asked), told)
-        return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
+            return _infobyte.build_stored(stored, layout, target, dumps(asked), told)
+        return _infobyte.build_array(*_sources.flat(array), layout, target, dumps(asked), told)
     return _build_slabs(samples, target, asked, axes, told)
 
 
@@ -345,13 +350,14 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
         if side is None or 0 in (depth, *side):
             raise UsageError("there are no slices")
         layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
+        _refuse_outside(asked, layout[0])
         if file is None:
             array = room[:used].view(dtype).reshape(depth, *side)
             asked["build"]["memory"]["share"] -= used
-            return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
+            return _infobyte.build_array(*_sources.flat(array), layout, target, dumps(asked), told)
         file.flush()
         # Read through the descriptor: the file has no name.
-        return _infobyte.build_stored((f"/proc/self/fd/{file.fileno()}", 0), layout, target, _json(asked), told)
+        return _infobyte.build_stored((f"/proc/self/fd/{file.fileno()}", 0), layout, target, dumps(asked), told)
 
 
 def _slices(source: Iterable[Any]) -> Iterator[np.ndarray]:
@@ -366,26 +372,7 @@ def _folder(asked: dict[str, Any], target: str) -> str:
     return asked["build"].get("scratch") or os.path.dirname(os.path.abspath(target))
 
 
-def _json(asked: dict[str, Any]) -> str:
-    import json
-
-    try:
-        return json.dumps(asked, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"an option is wrong: {error}") from None
-
-
-def _finite(name: str, value: float | None) -> float | None:
-    if isinstance(value, str):
-        raise TypeError(f"{name}={value!r} is text; give a number")
-    if value is not None and not math.isfinite(float(value)):
-        raise UsageError(f"{name}={value} is not a finite number")
-    return None if value is None else float(value)
-
-
 def _three(value: Any) -> list[float]:
-    if isinstance(value, str):
-        raise TypeError(f"spacing={value!r} is text; give a number or three")
     numbers = np.broadcast_to(np.asarray(value, float), 3) if np.ndim(value) == 0 else np.asarray(value, float)
     if numbers.shape != (3,) or not (np.isfinite(numbers).all() and (numbers > 0).all()):
         raise UsageError(f"spacing={value!r} is not one distance in mm, or three, each above 0")
@@ -396,7 +383,7 @@ def _turned(value: Sequence[Any], axes: str) -> list[Any]:
     """What is in the order of an array's axes, as x, y, z."""
     parts = list(value)
     if len(parts) != 3:
-        raise UsageError("there are three axes")
+        raise UsageError("roi and spacing have a part for each of three axes")
     return parts[::-1] if axes == "zyx" else parts
 
 

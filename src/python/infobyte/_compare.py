@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _infobyte
+from ._check import checked, dumps
 from ._errors import UsageError
-from ._model import Model, _threads, loads, whole
+from ._model import Model, _threads, bytes_of, loads
 from ._progress import bar
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ._types import Path, Progress, Way
 
 
+@checked
 def compare(
     actual: Model | Path,
     nominal: Model | Path,
@@ -54,21 +56,20 @@ def compare(
     >>> report['tolerance']['verdict'], report['deviation']['max'], report['table'].dtype.names[3]
     ('conforms', 0.0, 'deviation_mm')
     """
-    if isinstance(tolerance, str):
-        raise TypeError(f"tolerance={tolerance!r} is text; give a number or two")
-    matrix = np.eye(4)[:3] if placement is None else np.asarray(placement, np.float64)[:3]
-    if matrix.shape != (3, 4):
+    matrix = np.eye(4) if placement is None else np.asarray(placement, np.float64)
+    if matrix.shape not in ((3, 4), (4, 4)):
         raise UsageError("placement has three rows of four numbers, or four")
-    limits = [-tolerance, tolerance] if isinstance(tolerance, int | float) else tolerance
+    limits = None if tolerance is None else [-tolerance, tolerance] if np.ndim(tolerance) == 0 else list(tolerance)
     asked = {
-        "radius_mm": radius, "tolerance_mm": limits, "angle_deg": float(angle), "placement": matrix.tolist(), "fit": bool(fit),
-        "threshold_sigma": threshold_sigma, "both_ways": bool(both_ways), "worst": whole("worst", worst), "iso": iso, "threads": _threads(threads),
-        "memory_bytes": memory if isinstance(memory, int) else _infobyte.size(memory),
+        "radius_mm": radius, "tolerance_mm": limits, "angle_deg": float(angle), "placement": matrix[:3].tolist(), "fit": bool(fit),
+        "threshold_sigma": threshold_sigma, "both_ways": bool(both_ways), "worst": worst, "iso": iso, "threads": _threads(threads),
+        "memory_bytes": bytes_of(memory),
     }  # fmt: skip
     files = tuple(_path(of) for of in (actual, nominal))
     return _measured(lambda *rest: _infobyte.compare(files, *rest), output, csv, table, asked, progress)
 
 
+@checked
 def thickness(
     model: Model | Path,
     *,
@@ -94,8 +95,6 @@ def thickness(
     >>> report['none']['cells'], report['table'].dtype.names[3]
     (0, 'thickness_mm')
     """
-    if by not in ("ray", "ball"):
-        raise UsageError(f"by={by!r} is not known; choose 'ray' or 'ball'")
     asked = {"by": by, "max_mm": max, "thin_mm": thin, "threads": _threads(threads)}
     return _measured(lambda *rest: _infobyte.thickness(_path(model), *rest), output, csv, table, asked, progress)
 
@@ -106,13 +105,12 @@ def _path(of: Model | Path) -> str:
 
 def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """The report of a job that writes a model and a table of cells."""
-    import json
-    import tempfile  # both take as long as all else
+    import tempfile  # takes as long as all else
 
     with tempfile.TemporaryDirectory() as folder, bar(progress) as told:
         listed = os.path.join(folder, "cells.csv") if table and csv is None else csv
         written = [None if path is None else os.fspath(path) for path in (output, listed)]
-        report = loads(job(*written, json.dumps(asked), told))
+        report = loads(job(*written, dumps(asked), told))
         if table:
             report["table"] = np.atleast_1d(np.genfromtxt(written[1], delimiter=",", names=True))
     return report
@@ -125,6 +123,7 @@ _PORES = (
 )
 
 
+@checked
 def pores(
     model: Model | Path,
     *,
@@ -151,7 +150,7 @@ def pores(
 
     with tempfile.TemporaryDirectory() as folder, bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
-        report = loads(_infobyte.pores(_path(model), listed, (bool(bodies), whole("least", least), bool(gap)), told))
+        report = loads(_infobyte.pores(_path(model), listed, (bool(bodies), int(least), bool(gap)), told))
         columns = np.dtype(_PORES + [("gap_mm", "f8")] * bool(gap))
         rows = np.empty(0, columns)
         if report["bodies" if bodies else "pores"]:

@@ -10,7 +10,13 @@ class InfobyteError(Exception):
 
 
 class UsageError(InfobyteError, ValueError):
-    """The call makes no sense, whatever the input."""
+    """The call makes no sense, whatever the input. One for an argument that is not as annotated is a `TypeError`, too."""
+
+
+class ArgumentError(UsageError, TypeError):
+    """An argument is not as annotated."""
+
+    __module__ = "infobyte"
 
 
 class InputError(InfobyteError, ValueError):

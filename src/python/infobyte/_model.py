@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, overload
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, overload
 import numpy as np
 
 from . import _infobyte
+from ._check import checked, dumps
 from ._errors import UsageError
 from ._progress import bar
 
@@ -130,7 +130,7 @@ class View:
         return (
             f'<iframe title="{attribute(self._title)}" sandbox="allow-scripts allow-downloads" '
             f'style="width:100%;height:{self._height}px;border:0" srcdoc="{attribute(self.html)}"></iframe>'
-        )
+        ).encode("ascii", "xmlcharrefreplace").decode()  # in a page of any encoding
 
 
 class Model:
@@ -143,6 +143,7 @@ class Model:
 
     __slots__ = ("_handle", "_report", "_args")
 
+    @checked
     def __init__(self, path: Path, *, mmap: bool = True) -> None:
         self._args = (os.fspath(path), bool(mmap))
         self._handle = _infobyte.Handle(*self._args)
@@ -160,6 +161,8 @@ class Model:
     def __repr__(self) -> str:
         kind = "cells" if self._handle.is_cells else "skin voxels"
         z, y, x = self.shape
+        larger = self.info.get("larger_leaves", {}).get("leaves", 0)
+        kind += f" and {larger} larger leaves" if larger else ""
         return f"<infobyte.Model {os.path.basename(self._args[0])}: {len(self)} {kind} of {z} x {y} x {x}>"
 
     def __len__(self) -> int:
@@ -212,6 +215,7 @@ class Model:
         progress: Progress = False,
         **options: Unpack[Picture],
     ) -> dict[str, NDArray[Any]]: ...
+    @checked
     def render(
         self,
         size: int | tuple[int, int] = 512,
@@ -237,8 +241,8 @@ class Model:
         title: str | bool = False,
         legend: bool = False,
         clip: Mapping[Axis, tuple[float | None, float | None]] | None = None,
-        only: Sequence[Label] | None = None,
-        hide: Sequence[Label] = (),
+        only: Label | Sequence[Label] | None = None,
+        hide: Label | Sequence[Label] = (),
         opacity: Opacity | None = None,
         section: tuple[Axis, float] | None = None,
         background: Sequence[int] | None = None,
@@ -251,7 +255,7 @@ class Model:
         `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
         or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
         `view`. `projection`: `parallel` or `perspective`, of `fov` degrees (35) from bottom to top. `zoom`:
-        magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft` (the default), a key lamp, a lamp at the eye and the sky; `flat`, colours as they are (the default for measured values); `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
+        magnification about the middle. `color`: sRGB as whole numbers from 0 to 255, of a model without colours. `shading`: `soft` (the default), a key lamp, a lamp at the eye and the sky; `flat`, colours as they are (the default for measured values); `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
         `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
         in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
         eight rays where neighbours differ in depth or normal, or 1, 4, 16, 64. `smooth_edges` makes 1 `auto`. `lod`: boxes
@@ -260,7 +264,7 @@ class Model:
         `colors`: the map of measured values, `auto`, `diverging` or `sequential`, from the lowest to the highest value of
         `range`; by default those of the quantity.
 
-        `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
+        `annotate`: a scale bar, and a cube with the patient's sides or the axes, below. `title`: a text above, or `True` for the file's
         name and the size of what is visible, before cuts. `legend`: on the right, colours and names of the labels that are seen, or
         the colours of measured values.
 
@@ -293,9 +297,6 @@ class Model:
         """
         names = ("depth", "position", "normal", "voxel")
         wanted = {"depth": "depth", "position": "position", "normals": "normal", "ids": "voxel"}
-        for layer in layers:
-            if layer not in wanted:
-                raise UsageError(f"layer {layer!r} is not known; choose from {', '.join(wanted)}")
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
             zoom=zoom, color=color, shading=shading, colors=colors, range=range, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
@@ -315,6 +316,7 @@ class Model:
             made[layer] = array.reshape(height, width, *((3,) if array.size == 3 * height * width else ()))
         return made
 
+    @checked
     def png(self, size: int | tuple[int, int] = 512, **options: Unpack[Picture]) -> bytes:
         """The picture of `render` as the bytes of a PNG; options as there, without `layers`."""
         return self._handle.png(_asked(size, **options)[0])
@@ -323,6 +325,7 @@ class Model:
         """The model in a cell of a notebook."""
         return self.png(384, view="iso")
 
+    @checked
     def view(self, height: int = 480) -> View:
         """The model in a cell of a notebook, to be turned, cut, picked and measured there.
 
@@ -368,6 +371,7 @@ class Model:
         fps: float = 18.0,
         **options: Unpack[Picture],
     ) -> None: ...
+    @checked
     def turntable(
         self,
         frames: int = 36,
@@ -379,7 +383,7 @@ class Model:
     ) -> Iterator[NDArray[np.uint8]] | None:
         """Pictures all around the model: an iterator of H x W x 4 arrays, for encoders of MP4 and others.
 
-        With `output`, `.gif` or `.png` (animated), it writes them at `fps` frames a second instead; needs Pillow. Options
+        With `output`, `.gif` or `.png` (animated; no other file), it writes them at `fps` frames a second instead; needs Pillow. Options
         as those of `render`; GIFs have a white background unless another one is given.
 
         >>> [frame.shape for frame in model.turntable(2, 16)]
@@ -387,11 +391,16 @@ class Model:
         """
         if frames < 1:
             raise UsageError(f"frames={frames} is not a number of pictures; choose 1 or more")
+        if fps <= 0:
+            raise UsageError(f"fps={fps} is not a rate; give a number above 0")
+        _asked(size, **options)  # refused before the first picture
         if output is None:
             return self._turn(frames, size, options)
+        target = os.fspath(output)
+        if not target.lower().endswith((".gif", ".png")):
+            raise UsageError(f"{target}: is not named .gif or .png; without output, turntable gives its frames to an encoder of others")
         from PIL import Image
 
-        target = os.fspath(output)
         if target.lower().endswith(".gif"):
             options.setdefault("background", (255, 255, 255))
         pictures = [Image.fromarray(frame) for frame in self._turn(frames, size, options)]
@@ -404,6 +413,7 @@ class Model:
         for frame in range(frames):
             yield self.render(size, turned=360.0 * frame / frames, **options)
 
+    @checked
     def first_hits(self, origins: ArrayLike, directions: ArrayLike, *, threads: int | None = None) -> Hits:
         """The first hits of rays, exactly: no ray slips between voxels that share a face or an edge.
 
@@ -424,6 +434,7 @@ class Model:
         places = (*shape, 3)
         return Hits(t.reshape(shape), position.reshape(places), normal.reshape(places), voxel.reshape(shape))
 
+    @checked
     def any_hit(
         self,
         origins: ArrayLike,
@@ -440,6 +451,7 @@ class Model:
         origins, directions, shape = _rays(origins, directions)
         return self._handle.any_hit(origins, directions, float(t_max), _threads(threads)).reshape(shape)
 
+    @checked
     def nearest(self, points: ArrayLike, *, threads: int | None = None) -> Nearest:
         """The nearest point of the surface to each of some points, with its signed distance.
 
@@ -462,8 +474,9 @@ class Model:
             distance.reshape(shape), position.reshape(places), normal.reshape(places), side.reshape(shape), cell.reshape(shape)
         )
 
+    @checked
     def to_mesh(
-        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+        self, *, triangles: int | None = None, only: Label | Sequence[Label] | None = None, progress: Progress = False
     ) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
@@ -486,13 +499,13 @@ class Model:
         return mesh
 
     def to_trimesh(
-        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+        self, *, triangles: int | None = None, only: Label | Sequence[Label] | None = None, progress: Progress = False
     ) -> Any:
         """`to_mesh` as a `trimesh.Trimesh`, in LPS mm."""
         return self.to_mesh(triangles=triangles, only=only, progress=progress).to_trimesh()
 
     def to_pyvista(
-        self, *, triangles: int | None = None, only: Sequence[Label] | None = None, progress: Progress = False
+        self, *, triangles: int | None = None, only: Label | Sequence[Label] | None = None, progress: Progress = False
     ) -> Any:
         """`to_mesh` as a `pyvista.PolyData`, in LPS mm."""
         return self.to_mesh(triangles=triangles, only=only, progress=progress).to_pyvista()
@@ -532,6 +545,7 @@ class Model:
         """
         return self._handle.stored("label")
 
+    @checked
     def export(
         self,
         output: Path,
@@ -539,7 +553,7 @@ class Model:
         *,
         error: float | str | None = None,
         triangles: int | None = None,
-        only: Sequence[Label] | None = None,
+        only: Label | Sequence[Label] | None = None,
         smooth: float | None = None,
         progress: Progress = False,
     ) -> dict[str, Any]:
@@ -562,7 +576,7 @@ class Model:
 
 
 def _refuse_no_triangles(count: int | None) -> None:
-    if count is not None and whole("triangles", count) < 1:
+    if count is not None and count < 1:
         raise UsageError(f"triangles is {count}; give 1 or more")
 
 
@@ -570,12 +584,9 @@ def _labels(labels: Label | Sequence[Label] | None) -> list[str] | None:
     return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, (str, int)) else labels)]
 
 
-def whole(name: str, value: Any) -> int:
-    """A whole number, as any of its types."""
-    try:
-        return operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name}={value!r} is not a whole number") from None
+def bytes_of(memory: int | str) -> int:
+    """Bytes of a size, as a number or such as `8MiB`."""
+    return _infobyte.size(memory if isinstance(memory, str) else str(int(memory)))
 
 
 def loads(text: str) -> dict[str, Any]:
@@ -590,9 +601,9 @@ def _opened(path: str, mmap: bool) -> Model:
 
 
 def _threads(threads: int | None) -> int:
-    if threads is not None and not 1 <= whole("threads", threads) <= 1024:
+    if threads is not None and not 1 <= threads <= 1024:
         raise UsageError(f"threads={threads} makes no sense; choose 1 to 1024")
-    return threads or len(os.sched_getaffinity(0))
+    return int(threads) if threads else len(os.sched_getaffinity(0))
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Any, Any, tuple[int, ...]]:
@@ -610,16 +621,13 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Any, Any, tuple[in
 
 def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int, int]]:
     """The request of a picture, and its sides."""
-    width, height = size if isinstance(size, (tuple, list)) and len(size) == 2 else (size, size)
+    width, height = (size, size) if np.ndim(size) == 0 else size
     for name, side in (("width", width), ("height", height)):
-        if not 1 <= whole("size" if side is size else name, side) <= 32768:
+        if not 1 <= side <= 32768:
             raise UsageError(f"{name} is {side}; it must be 1 to 32768")
-    usual = {
-        "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,
-        "zoom": 1.0, "color": None, "shading": None, "colors": None, "range": None, "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
-        "annotate": False, "title": False, "legend": False, "clip": None, "only": None, "hide": (), "opacity": None, "section": None, "background": None,
-        "threads": None,
-    }
+    usual = Model.render.__wrapped__.__kwdefaults__.copy()  # type: ignore[attr-defined]
+    del usual["layers"], usual["progress"]
+    _threads(options.get("threads"))
     unknown = options.keys() - usual.keys()
     if unknown:
         raise TypeError(f"unexpected option of a picture: {', '.join(sorted(unknown))}")
@@ -627,40 +635,14 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     asked["samples"] = str(asked["samples"])
     asked["title"] = {True: "", False: None, None: None}.get(asked["title"], asked["title"])
     for name in ("color", "background"):
-        if asked[name] is not None:
-            asked[name] = _color(name, asked[name])
+        if asked[name] is not None and max(asked[name]) > 255:
+            raise UsageError(f"{name}={asked[name]!r} is not three numbers, red, green and blue, from 0 to 255")
     if asked["section"] is not None:
-        asked["section"] = _section(asked["section"])
         sliced = ("zoom", "color", "colors", "range", "annotate", "title", "legend", "clip", "only", "hide", "opacity", "section", "background", "threads")
         foreign = [name for name in usual if name not in sliced and options.get(name, usual[name]) != usual[name]]
         if foreign:
             raise UsageError(f"{foreign[0]} is of a view; leave it out for a section")
-    for name in ("eye", "look_at", "up"):
-        if asked[name] is not None:
-            asked[name] = [float(at) for at in asked[name]]
     for name in ("only", "hide"):
         asked[name] = _labels(asked[name])
     asked["opacity"] = [[str(label), float(part)] for label, part in (asked["opacity"] or {}).items()]
-    import json
-
-    try:
-        return json.dumps(asked, allow_nan=False), (int(width), int(height))
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"an option is wrong: {error}") from None
-
-
-def _color(name: str, value: Any) -> list[int]:
-    """Red, green and blue from 0 to 255."""
-    parts = np.asarray(value)
-    if parts.shape != (3,) or not ((parts >= 0) & (parts <= 255)).all():
-        raise UsageError(f"{name}={value!r} is not three numbers, red, green and blue, from 0 to 255")
-    return [int(part) for part in parts]
-
-
-def _section(value: Any) -> list[Any]:
-    """An axis and a place along it."""
-    try:
-        axis, place = value
-        return [str(axis), float(place)]
-    except (TypeError, ValueError):
-        raise UsageError(f"section={value!r} is not an axis and a place in mm, such as ('z', 40)") from None
+    return dumps(asked), (int(width), int(height))

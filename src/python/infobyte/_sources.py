@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -255,9 +255,5 @@ def slabs(source: Any, axes: str, most_bytes: int) -> tuple[tuple[int, int, int]
             part = slice(start, min(start + height, shape[along]))
             yield filled(source[part] if along == 0 else source[:, :, part])
 
-    return slabs_of(parts(), shape, dtype, axes)
-
-
-def slabs_of(parts: Iterable[np.ndarray], shape: tuple[int, ...], dtype: np.dtype, axes: str) -> Any:
     z, y, x = shape if axes == "zyx" else shape[::-1]
-    return (z, y, x), dtype, (three_axes(part, axes) for part in parts)
+    return (z, y, x), dtype, (three_axes(part, axes) for part in parts())

@@ -1,4 +1,4 @@
-"""Types of options, for checkers and editors: nothing imports this module when a program runs."""
+"""Types of options, for checkers, editors, and `_check`."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -61,8 +61,8 @@ class Picture(TypedDict, total=False):
     title: str | bool
     legend: bool
     clip: Mapping[Axis, tuple[float | None, float | None]] | None
-    only: Sequence[Label] | None
-    hide: Sequence[Label]
+    only: Label | Sequence[Label] | None
+    hide: Label | Sequence[Label]
     opacity: Opacity | None
     section: tuple[Axis, float] | None
     background: Sequence[int] | None

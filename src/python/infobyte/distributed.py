@@ -17,6 +17,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from . import _errors
+from ._check import checked
 from ._errors import UsageError
 from ._model import Model, loads
 from ._progress import bar
@@ -32,6 +33,7 @@ _FINAL = {2: "usage", 3: "input", 4: "budget"}
 _SOME_FAILED = 8
 
 
+@checked
 def build(
     source: Path | Sequence[Path],
     output: Path,
@@ -88,6 +90,7 @@ def build(
     return Model._built(target, json.dumps(report))
 
 
+@checked
 def batch(
     source: Path | Sequence[Path],
     out: Path,

@@ -173,6 +173,7 @@ def test_larger_leaves():
     fine, joined = (built(ball, f"{error}.oct", iso=0, surface="cells", error=error) for error in (0, "0.2mm"))
     assert "larger_leaves" not in fine.info
     leaves = joined.info["larger_leaves"]
+    assert f"{len(joined)} cells and {leaves['leaves']} larger leaves of 64" in repr(joined)
     assert leaves["bound"] == pytest.approx(0.2) and 0 < leaves["leaves"] + len(joined) < len(fine)
     hits = joined.first_hits([[32, 32, -50]], [[0, 0, 1]])
     assert hits.t[0] == pytest.approx(fine.first_hits([[32, 32, -50]], [[0, 0, 1]]).t[0], abs=0.3)
@@ -259,13 +260,13 @@ def test_errors(bumps, tmp_path):
         (dict(iso=float("nan")), infobyte.UsageError, "not a finite number"),
         (dict(iso=None, range=(5, 1)), infobyte.UsageError, "empty"),
         (dict(range=(1, 5)), infobyte.UsageError, "exclude"),
-        (dict(iso=None, preset="gold"), infobyte.UsageError, "preset: unknown variant `gold`, expected one of `bone`"),
-        (dict(surface="blob"), infobyte.UsageError, "surface: unknown variant `blob`, expected `skin` or `cells`"),
+        (dict(iso=None, preset="gold"), infobyte.UsageError, "preset='gold' is not 'bone', "),
+        (dict(surface="blob"), infobyte.UsageError, "surface='blob' is not 'cells' or 'skin'"),
         (dict(spacing=(1, 2)), infobyte.UsageError, "spacing"),
         (dict(spacing=0), infobyte.UsageError, "spacing"),
         (dict(axes="yzx"), infobyte.UsageError, "axes"),
         (dict(threads=0), infobyte.UsageError, "threads"),
-        (dict(connectivity=8), infobyte.UsageError, "connectivity: unknown variant `8`, expected `26` or `6`"),
+        (dict(connectivity=8), infobyte.UsageError, "connectivity=8 is not 6 or 26"),
         (dict(surface="cells", connectivity=6), infobyte.UsageError, "connectivity is for skin voxels"),
         (dict(surface="cells", gradient="sobel"), infobyte.UsageError, "gradient is for skin voxels"),
         (dict(channels=["normal", "offset"], gradient="sobel"), infobyte.UsageError, "gradient is for skin voxels"),
@@ -380,10 +381,23 @@ def test_headerless_files(bumps):
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
-        ({"iso": "300"}, TypeError, "iso='300' is text"),
-        ({"spacing": "1"}, TypeError, "spacing='1' is text"),
-        ({"labels": True}, TypeError, "labels=True does not say which"),
-        ({"labels": "all", "names": {1: ("ball", "#f00")}}, TypeError, r"names\[1\]=\('ball', '#f00'\) is not text"),
+        ({"iso": "300"}, TypeError, "iso='300' is not a number"),
+        ({"iso": np.arange(3)}, TypeError, r"iso is an array of shape \(3,\), not a number"),
+        ({"range": 5}, TypeError, "range=5 is not a pair of numbers; give for example"),
+        ({"spacing": "1"}, TypeError, "spacing='1' is not a number or a list of numbers"),
+        ({"labels": True}, TypeError, "labels=True is not text, a whole number or a list of whole numbers"),
+        ({"labels": "all", "names": {1: ("ball", "#f00")}}, TypeError, r"names=\{1: \('ball', '#f00'\)\} is not a path or a dict of texts"),
+        ({"labels": "all", "names": ["a", "b"]}, TypeError, r"names=\['a', 'b'\] is not a path or a dict of texts"),
+        ({"channels": "normal"}, TypeError, "channels='normal' is not a list of 'normal', 'value', "),
+        ({"keep_largest": -1}, TypeError, "keep_largest=-1 is not a non-negative whole number"),
+        ({"roi": [(0, 2), (0, 5), (0, 2)]}, infobyte.UsageError, "roi ends at 5 along y, where the array has 4 samples"),
+        ({"roi": [(0, 2), (0, 2)]}, infobyte.UsageError, "three axes"),
+        ({"origin": (1, 2)}, TypeError, r"origin=\(1, 2\) is not three numbers"),
+        ({"visible_from": "outside"}, TypeError, r"visible_from='outside' is not a list .* \['outside'\]"),
+        ({"lod": "no"}, TypeError, "lod='no' is not True or False"),
+        ({"grid": 64}, infobyte.UsageError, "grid is for files and meshes"),
+        ({"unit": "cm"}, infobyte.UsageError, "unit is for files and meshes"),
+        ({"threads": -1}, TypeError, "threads=-1 is not a non-negative whole number"),
         ({"iso": 1.0, "affine": np.zeros((3, 4))}, infobyte.UsageError, "lie in a plane"),
         ({"iso": 1.0, "affine": np.diag([1.0, 0.0, 1.0, 1.0])}, infobyte.UsageError, "lie in a plane"),
     ],
@@ -391,6 +405,8 @@ def test_headerless_files(bumps):
 def test_options_that_make_no_sense_are_named(tmp_path, options, error, said):
     with pytest.raises(error, match=said):
         infobyte.build(np.ones((4, 4, 4), np.int16), tmp_path / "o.oct", **options)
+    with pytest.raises(ValueError, match=said):
+        infobyte.build(list(np.ones((4, 4, 4), np.int16)), tmp_path / "o.oct", **options)
     assert not (tmp_path / "o.oct").exists()
 
 

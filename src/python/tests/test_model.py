@@ -82,8 +82,8 @@ def test_cameras_that_make_no_sense(model, options):
         model.render(**{"size": 16, **options})
     with pytest.raises(TypeError):
         model.png(16, colour="red")
-    with pytest.raises(infobyte.UsageError, match="width is -4; it must be 1 to 32768"):
-        model.render((-4, 8))
+    with pytest.raises(infobyte.UsageError, match="width is 0; it must be 1 to 32768"):
+        model.render((0, 8))
 
 
 def test_colours_and_magnification(model):
@@ -143,8 +143,12 @@ def test_turntables(model):
     for name in ("a.gif", "a.png"):
         model.turntable(3, 32, output=name)
         assert image.open(name).n_frames in (1, 3)
-    with pytest.raises(infobyte.UsageError):
-        model.turntable(0)
+    for wrong, said in (
+        (dict(frames=0), "choose 1 or more"), (dict(fps=0), "fps=0 is not a rate"), (dict(view="tall"), "view='tall' is not 'front', "),
+        (dict(output="a.mp4"), "a.mp4: is not named .gif or .png"), (dict(size=0), "size is 0|width is 0"),
+    ):  # fmt: skip
+        with pytest.raises(infobyte.UsageError, match=said):
+            model.turntable(**wrong)
 
 
 def test_rays_meet_the_ball_where_it_is(model):
@@ -174,11 +178,23 @@ def test_rays_that_end_in_larger_leaves_are_hits(ball, tmp_path):
     ("call", "said"),
     [
         (lambda model: model.render("512"), "size='512' is not a whole number"),
-        (lambda model: model.render((64, 4.5)), "height=4.5 is not a whole number"),
+        (lambda model: model.render((64, 4.5)), r"size=\(64, 4.5\) is not a whole number or a pair of whole numbers"),
+        (lambda model: model.render((-4, 8)), r"size=\(-4, 8\) is not a non-negative whole number"),
+        (lambda model: model.render(opacity=0.3), "opacity=0.3 is not a dict of numbers; give for example"),
+        (lambda model: model.render(clip={"z": 5}), "clip={'z': 5} is not a dict of pairs of numbers by 'x', 'y' or 'z'"),
+        (lambda model: model.render(color=(1.0, 0.5, 0.2)), r"color=\(1.0, 0.5, 0.2\) is not three whole numbers; give .*255"),
+        (lambda model: model.png(eye=5), "eye=5 is not three numbers"),
+        (lambda model: model.view("tall"), "height='tall' is not a whole number"),
+        (lambda model: model.export("a.stl", smooth="x"), "smooth='x' is not a number"),
+        (lambda model: model.nearest("here"), "points='here' is not an array of numbers"),
+        (lambda model: infobyte.compare(np.zeros((4, 4, 4)), model), r"actual is an array of shape \(4, 4, 4\), not a Model or a path"),
+        (lambda model: infobyte.pack(model, 5), "output=5 is not a path"),
+        (lambda model: infobyte.open(5), "path=5 is not a path"),
+        (lambda model: infobyte.render_scene("a.toml", "a.png", size=5), "size=5 is not a pair of whole numbers"),
         (lambda model: model.to_mesh(triangles="2000"), "triangles='2000' is not a whole number"),
         (lambda model: model.first_hits([0, 0, 0], [0, 0, 1], threads=2.5), "threads=2.5 is not a whole number"),
         (lambda model: infobyte.pores(model, least=1.5), "least=1.5 is not a whole number"),
-        (lambda model: infobyte.compare(model, model, tolerance="0.1"), "tolerance='0.1' is text"),
+        (lambda model: infobyte.compare(model, model, tolerance="0.1"), "tolerance='0.1' is not a number or a pair of numbers"),
     ],
 )
 def test_numbers_of_the_wrong_type_are_named(model, call, said):
@@ -285,8 +301,12 @@ def test_triangles_are_closed(ball, surface):
     assert len(fewer.faces) == model.export("b.ply", triangles=1000)["triangles"] == 1000 and closed(fewer.faces)
     assert fewer.faces.max() + 1 == len(fewer.vertices) == len(fewer.vertex_normals)
     assert mesh.distance is None and 0 < fewer.distance < 1 and len(mesh) == 4
-    with pytest.raises(infobyte.UsageError):
-        model.export("b.ply", error="-1")
+    for wrong, said in (
+        (dict(output="b.ply", error="-1"), "bound"),
+        (dict(output="b.stl", form="step"), "form='step' is not 'stl', "),
+    ):  # fmt: skip
+        with pytest.raises(infobyte.UsageError, match=said):
+            model.export(**wrong)
     with pytest.raises(infobyte.UsageError, match="give 1 or more"):
         model.to_mesh(triangles=0)
     with pytest.raises(ZeroDivisionError):
@@ -303,6 +323,7 @@ def test_a_notebook_has_the_page_in_a_frame(ball):
             frames.append((tag, dict(attributes)))
 
     view = model.view(300)
+    assert view._repr_html_().isascii() and not view.html.isascii()
     Frames().feed(view._repr_html_())
     [(tag, frame)] = frames
     assert tag == "iframe" and frame["title"] == 'a "quoted" & <b>' and "height:300px" in frame["style"]

@@ -43,7 +43,8 @@ model.png(64, layers=["depth"])  # type: ignore[call-arg]
 model.png(64, projection="isometric")  # type: ignore[arg-type]
 assert_type(model.to_mesh(only=["liver", 5], triangles=100), infobyte.Mesh)
 model.export("a.stl", only=["1..4"], smooth=0.2)
-model.to_mesh(only=5)  # type: ignore[arg-type]
+model.to_mesh(only=5)
+model.to_mesh(only=0.5)  # type: ignore[arg-type]
 model.export("a.stl", "step")  # type: ignore[arg-type]
 infobyte.thickness(model, by="sphere")  # type: ignore[arg-type]
 """
@@ -83,9 +84,14 @@ def test_names_of_options_are_those_of_the_library(model, ball):
     for name, of in [("gradient", _types.Gradient), ("connectivity", _types.Connectivity), ("downsample", _types.Downsample), ("close", _types.Close)]:
         for value in each(of):
             infobyte.build(ball, "out.oct", iso=0, surface="skin", progress=False, **{name: value})
-    for name, of in [("unit", _types.Unit), ("up", _types.Up), ("gaps", _types.Gaps), ("axes", _types.Axes)]:
+    ball.tofile("ball.raw")
+    samples = dict(iso=0, dims=(48, 48, 48), dtype="f32")
+    for name, of, source, options in [
+        ("unit", _types.Unit, "out.stl", dict(grid=16)), ("up", _types.Up, "out.stl", dict(grid=16)),
+        ("gaps", _types.Gaps, "ball.raw", samples), ("axes", _types.Axes, ball, dict(iso=0)),
+    ]:  # fmt: skip
         for value in each(of):
-            infobyte.build(ball, "out.oct", iso=0, progress=False, **{name: value})
+            infobyte.build(source, "out.oct", progress=False, **options, **{name: value})
     for preset in each(_types.Preset):
         infobyte.build((150 * ball).astype("i2"), "out.oct", preset=preset, progress=False)
 
