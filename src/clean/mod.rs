@@ -48,7 +48,7 @@ use crate::builder::{
 use crate::fault::{unfit, usage};
 use crate::format::Selection;
 use crate::geom::Dims;
-use crate::text::some_text;
+use crate::text::{names::KEEP_LARGEST, some_text};
 use crate::volume::{Crop, Downsample, SourceError, Treatment, VolumeSource};
 use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
@@ -350,13 +350,14 @@ impl CleanOptions {
     }
 
     fn check(&self) -> Result<(), CleanError> {
-        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
-            return Err(usage!(
-                "gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept"
-            )
-            .into());
+        match self.keep_largest {
+            _ if self.close > 2 => Err(usage!("gaps can be closed by 1 or 2 voxels").into()),
+            Some(n) if n == 0 || n > MAX_LARGEST => {
+                Err(usage!("{KEEP_LARGEST}={n} is not a number of components; choose 1 to {MAX_LARGEST}")
+                    .into())
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -24,7 +24,7 @@ use crate::jobs::nearest::nearest_points;
 use crate::jobs::open_model::unpacked;
 use crate::jobs::picture::{Outputs, framed};
 use crate::jobs::scene::camera_of;
-use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
+use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model, StoredVoxel};
 use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
 use crate::render::pixel_rays::PixelRays;
@@ -105,6 +105,11 @@ impl Handle {
         watched(py, None, |progress| self.unchanged(|| job(&self.model, progress)))
     }
 
+    /// A fact of each voxel, in the order of the file.
+    fn voxels<T: Send>(&self, py: Python<'_>, of: impl Fn(StoredVoxel) -> T + Send) -> PyResult<Vec<T>> {
+        self.with(py, |model| Ok(model.voxels().map(of).collect()))
+    }
+
     fn paint(
         &self,
         py: Python<'_>,
@@ -147,6 +152,21 @@ fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult
         (triples, []) => Ok(triples),
         _ => Err(usage(py, "rays and points have three coordinates each")),
     }
+}
+
+/// Rays, as many directions as origins.
+fn rays_of<'a>(
+    py: Python<'_>,
+    [origins, directions]: [&'a PyReadonlyArray1<'_, f64>; 2],
+) -> PyResult<Given<'a>> {
+    let given = Given(triples(py, origins)?, triples(py, directions)?);
+    let is_even = given.0.len() == given.1.len();
+    is_even.then_some(given).ok_or_else(|| usage(py, "there are not as many directions as origins"))
+}
+
+/// Tuples of each voxel, one after the other.
+fn flat<T: Element, const N: usize>(py: Python<'_>, all: Vec<[T; N]>) -> Bound<'_, PyAny> {
+    PyArray1::from_vec(py, all.into_flattened()).into_any()
 }
 
 /// Lines of sight through the middles of pixels, row by row.
@@ -306,10 +326,7 @@ impl Handle {
         directions: PyReadonlyArray1<'py, f64>,
         threads: usize,
     ) -> PyResult<Arrays<'py>> {
-        let given = Given(triples(py, &origins)?, triples(py, &directions)?);
-        if given.0.len() != given.1.len() {
-            return Err(usage(py, "there are not as many directions as origins"));
-        }
+        let given = rays_of(py, [&origins, &directions])?;
         let found = self.each(py, given.0.len(), |model, progress| {
             rays::first_hits(&RayCaster::new(model)?, &given, (threads, progress))
         })?;
@@ -324,10 +341,7 @@ impl Handle {
         t_max: f64,
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let given = Given(triples(py, &origins)?, triples(py, &directions)?);
-        if given.0.len() != given.1.len() {
-            return Err(usage(py, "there are not as many directions as origins"));
-        }
+        let given = rays_of(py, [&origins, &directions])?;
         let met = self.each(py, given.0.len(), |model, progress| {
             rays::any_hit(&RayCaster::new(model)?, &given, t_max, (threads, progress))
         })?;
@@ -364,40 +378,15 @@ impl Handle {
     fn stored<'py>(&self, py: Python<'py>, what: &str) -> PyResult<Bound<'py, PyAny>> {
         const NONE: [f64; 3] = [f64::NAN; 3];
         Ok(match what {
-            "index" => {
-                let all = self.with(py, |model| Ok(model.voxels().map(|v| v.voxel).collect::<Vec<_>>()))?;
-                PyArray1::from_vec(py, all.into_flattened()).into_any()
-            }
+            "index" => flat(py, self.voxels(py, |v| v.voxel)?),
             "center" => {
-                let all = self.with(py, |model| {
-                    let affine: Affine = model.affine();
-                    Ok(model.voxels().map(|v| affine.apply(v.voxel.map(f64::from))).collect::<Vec<_>>())
-                })?;
-                PyArray1::from_vec(py, all.into_flattened()).into_any()
+                let affine: Affine = self.model.affine();
+                flat(py, self.voxels(py, |v| affine.apply(v.voxel.map(f64::from)))?)
             }
-            "normal" => {
-                let all = self.with(py, |model| {
-                    Ok(model.voxels().map(|v| v.normal.unwrap_or(NONE)).collect::<Vec<_>>())
-                })?;
-                PyArray1::from_vec(py, all.into_flattened()).into_any()
-            }
-            "color" => {
-                let all = self.with(py, |model| {
-                    Ok(model.voxels().map(|v| v.color.unwrap_or([0; 3])).collect::<Vec<_>>())
-                })?;
-                PyArray1::from_vec(py, all.into_flattened()).into_any()
-            }
-            "label" => {
-                let all = self
-                    .with(py, |model| Ok(model.voxels().map(|v| v.label.unwrap_or(0)).collect::<Vec<_>>()))?;
-                PyArray1::from_vec(py, all).into_any()
-            }
-            _ => {
-                let all = self.with(py, |model| {
-                    Ok(model.voxels().map(|v| v.value.unwrap_or(f64::NAN)).collect::<Vec<_>>())
-                })?;
-                PyArray1::from_vec(py, all).into_any()
-            }
+            "normal" => flat(py, self.voxels(py, |v| v.normal.unwrap_or(NONE))?),
+            "color" => flat(py, self.voxels(py, |v| v.color.unwrap_or([0; 3]))?),
+            "label" => flat(py, self.voxels(py, |v| [v.label.unwrap_or(0)])?),
+            _ => flat(py, self.voxels(py, |v| [v.value.unwrap_or(f64::NAN)])?),
         })
     }
 }

@@ -22,6 +22,7 @@ use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_ea
 use crate::jobs::compare::{CompareOutputs, CompareRequest};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
+use crate::jobs::pack::{pack_with, unpack_with};
 use crate::jobs::picture::{Outputs, render_file};
 use crate::jobs::pores::PoresRequest;
 use crate::jobs::render::RenderRequest;
@@ -182,25 +183,18 @@ fn build_volume(
     json(py, &summary.json())
 }
 
+/// Packs a model, or unpacks it.
 #[pyfunction]
-pub(super) fn pack(
+#[pyo3(signature = (input, output, packs, progress))]
+pub(super) fn repack(
     py: Python<'_>,
     input: PathBuf,
     output: PathBuf,
+    packs: bool,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let report = watched(py, progress, |progress| crate::jobs::pack::pack_with(&input, &output, progress))?;
-    json(py, &report)
-}
-
-#[pyfunction]
-pub(super) fn unpack(
-    py: Python<'_>,
-    input: PathBuf,
-    output: PathBuf,
-    progress: Watcher<'_, '_>,
-) -> PyResult<String> {
-    let report = watched(py, progress, |progress| crate::jobs::pack::unpack_with(&input, &output, progress))?;
+    let convert = if packs { pack_with } else { unpack_with };
+    let report = watched(py, progress, |progress| convert(&input, &output, progress))?;
     json(py, &report)
 }
 
@@ -325,6 +319,19 @@ pub(super) fn export(
         let names = ExportForm::ALL.map(ExportForm::name).join(", ");
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
+    let named = ExportForm::of(&output).map_or(form.suffix(), ExportForm::suffix);
+    if named != form.suffix() {
+        let (name, form, suffix) = (shown(&output), form.name(), form.suffix());
+        let wrong = format!(
+            "{name}: is named as another kind of file, and {form} would be written; name it .{suffix}"
+        );
+        return Err(usage(py, &wrong));
+    }
+    let of_triangles =
+        [("error", error.is_some()), ("triangles", most.is_some()), ("smooth", smooth.is_some())];
+    if let Some((option, _)) = of_triangles.iter().find(|(_, given)| *given && !form.has_triangles()) {
+        return Err(usage(py, &format!("{option} is for triangles (stl, ply, obj, glb, 3mf); leave it out")));
+    }
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
     let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
     let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];

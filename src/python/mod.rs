@@ -34,8 +34,8 @@ const OTHERWISE: [(&str, &str); 16] = [
     ("spacing_mm", "spacing"),
     ("unit_mm", "unit"),
     ("build", "infobyte.build"),
-    ("jobs::build(MESH)", "infobyte.build(MESH, 'MODEL.oct', grid=256)"),
-    ("jobs::build(TREE.csg)", "infobyte.build(TREE, 'MODEL.oct', grid=256)"),
+    ("jobs::build(INPUT)", "infobyte.build(INPUT, 'MODEL.oct')"),
+    ("jobs::export::export_each", "only"),
     ("jobs::info", "Model.info"),
     ("jobs::pack::unpack", "infobyte.unpack"),
     ("jobs::scan", "oct scan"),
@@ -58,8 +58,7 @@ fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::build_files, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::build_array, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::build_stored, module)?)?;
-    module.add_function(wrap_pyfunction!(jobs::pack, module)?)?;
-    module.add_function(wrap_pyfunction!(jobs::unpack, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::repack, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::verify, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::pores, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::export, module)?)?;

@@ -77,17 +77,6 @@ fn parsed<T: DeserializeOwned>(options: &Named) -> Result<T, String> {
     serde_json::from_value(options.clone().into()).map_err(|error| error.to_string())
 }
 
-fn choice<T>(what: &str, name: &str, all: impl IntoIterator<Item = (String, T)>) -> Result<T, String> {
-    let (mut names, mut found) = (Vec::new(), None);
-    for (known, value) in all {
-        if known == name {
-            found = Some(value);
-        }
-        names.push(known);
-    }
-    found.ok_or_else(|| format!("{what}={name} is not known; choose one of {}", names.join(", ")))
-}
-
 impl BuildAsked {
     /// Folder of models of each label, if they are wanted; as the model of all labels, they replace existing files.
     pub(super) fn each(&self) -> Option<EachLabel<'_>> {
@@ -197,28 +186,21 @@ impl PictureAsked {
             _ => return Err("give a view, or eye and look_at, with up if it matters".into()),
         };
         let usual = RenderRequest::default();
-        let shadings = [
-            ("plain", (Shading::Plain, Smoothing::Smooth)),
-            ("soft", (Shading::Soft, Smoothing::Smooth)),
-            ("ao", (Shading::Ao, Smoothing::Smooth)),
-            ("stored", (Shading::Plain, Smoothing::Stored)),
-            ("blended", (Shading::Plain, Smoothing::Blended)),
-            ("flat", (Shading::Flat, Smoothing::Smooth)),
-        ];
-        let light =
-            |name: &String| choice("shading", name, shadings.map(|(name, kind)| (name.to_owned(), kind)));
-        let (shading, smoothing) = self
-            .shading
-            .as_ref()
-            .map(light)
-            .transpose()?
-            .map_or((None, Smoothing::Smooth), |(s, n)| (Some(s), n));
-        let maps = [
-            ("auto", None),
-            ("diverging", Some(ColorMap::Diverging)),
-            ("sequential", Some(ColorMap::Sequential)),
-        ];
-        let map = |name: &String| choice("colors", name, maps.map(|(name, map)| (name.to_owned(), map)));
+        // Names were checked by the package.
+        let (shading, smoothing) = match self.shading.as_deref() {
+            Some("plain") => (Some(Shading::Plain), Smoothing::Smooth),
+            Some("soft") => (Some(Shading::Soft), Smoothing::Smooth),
+            Some("ao") => (Some(Shading::Ao), Smoothing::Smooth),
+            Some("flat") => (Some(Shading::Flat), Smoothing::Smooth),
+            Some("stored") => (Some(Shading::Plain), Smoothing::Stored),
+            Some("blended") => (Some(Shading::Plain), Smoothing::Blended),
+            _ => (None, Smoothing::Smooth),
+        };
+        let value_map = match self.colors.as_deref() {
+            Some("diverging") => Some(ColorMap::Diverging),
+            Some("sequential") => Some(ColorMap::Sequential),
+            _ => None,
+        };
         if self.range.is_some_and(|[lo, hi]| !(lo < hi && lo.is_finite() && hi.is_finite())) {
             return Err("range: give a lower and an upper value, the lower one first".into());
         }
@@ -234,20 +216,17 @@ impl PictureAsked {
         if let Some((name, with, _)) = unused.into_iter().find(|(.., is_unused)| *is_unused) {
             return Err(format!("{name} changes nothing without {with}; add that, or leave {name} out"));
         }
-        let samples =
-            choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
-        let axes = ["x", "y", "z"].into_iter().zip(0..).map(|(name, axis)| (name.to_owned(), axis));
+        let samples = Samples::ALL.iter().find(|of| of.name() == self.samples).copied().unwrap_or_default();
+        let axis = |name: &str| "xyz".find(name).unwrap_or_default();
         let mut clip_mm = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
         for (name, [low, high]) in self.clip.iter().flatten() {
-            let bounds = &mut clip_mm[choice("clip", name, axes.clone())?];
+            let bounds = &mut clip_mm[axis(name)];
             *bounds = [low.unwrap_or(bounds[0]), high.unwrap_or(bounds[1])];
             if bounds[0] >= bounds[1] {
                 return Err(format!("clip leaves nothing along {name}; give (low, high), low below high"));
             }
         }
-        let section = |(axis, at_mm): &(String, f64)| {
-            choice("section", axis, axes).map(|axis| Section { axis, at_mm: *at_mm })
-        };
+        let section = |(name, at_mm): &(String, f64)| Section { axis: axis(name), at_mm: *at_mm };
         Ok(RenderRequest {
             size: Some(self.size),
             point: Some(point),
@@ -255,7 +234,7 @@ impl PictureAsked {
             fov_deg: self.fov,
             zoom: self.zoom,
             shading,
-            value_map: self.colors.as_ref().map(map).transpose()?.flatten(),
+            value_map,
             value_range: self.range,
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),
@@ -265,7 +244,7 @@ impl PictureAsked {
             background: self.background,
             clip_mm: self.clip.is_some().then_some(clip_mm),
             labels: self.labels()?,
-            section: self.section.as_ref().map(section).transpose()?,
+            section: self.section.as_ref().map(section),
             annotate: self.annotate,
             threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             ..usual

@@ -68,14 +68,14 @@ def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> di
     True
     """
     with bar(progress) as told:
-        return _loads(_infobyte.pack(_path(model), os.fspath(output), told))
+        return _loads(_infobyte.repack(_path(model), os.fspath(output), True, told))
 
 
 @checked
 def unpack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes the mapped form of a packed model, byte for byte what it was made from; the keys of `oct unpack`."""
     with bar(progress) as told:
-        return _loads(_infobyte.unpack(_path(model), os.fspath(output), told))
+        return _loads(_infobyte.repack(_path(model), os.fspath(output), False, told))
 
 
 @checked

@@ -390,6 +390,7 @@ def test_headerless_files(bumps):
         ({"labels": "all", "names": ["a", "b"]}, TypeError, r"names=\['a', 'b'\] is not a path or a dict of texts"),
         ({"channels": "normal"}, TypeError, "channels='normal' is not a list of 'normal', 'value', "),
         ({"keep_largest": -1}, TypeError, "keep_largest=-1 is not a non-negative whole number"),
+        ({"keep_largest": 0}, infobyte.UsageError, "keep_largest=0 is not a number of components; choose 1 to 4000"),
         ({"roi": [(0, 2), (0, 5), (0, 2)]}, infobyte.UsageError, "roi ends at 5 along y, where the array has 4 samples"),
         ({"roi": [(0, 2), (0, 2)]}, infobyte.UsageError, "three axes"),
         ({"origin": (1, 2)}, TypeError, r"origin=\(1, 2\) is not three numbers"),

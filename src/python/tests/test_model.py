@@ -302,7 +302,8 @@ def test_triangles_are_closed(ball, surface):
     assert fewer.faces.max() + 1 == len(fewer.vertices) == len(fewer.vertex_normals)
     assert mesh.distance is None and 0 < fewer.distance < 1 and len(mesh) == 4
     for wrong, said in (
-        (dict(output="b.ply", error="-1"), "bound"),
+        (dict(output="b.ply", error="-1"), "bound"), (dict(output="b.stl", form="ply"), "b.stl: .* name it .ply"),
+        (dict(output="b.html", triangles=9), "triangles is for"), (dict(output="b.nrrd", error=0.1), "error is for"),
         (dict(output="b.stl", form="step"), "form='step' is not 'stl', "),
     ):  # fmt: skip
         with pytest.raises(infobyte.UsageError, match=said):
