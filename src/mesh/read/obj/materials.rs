@@ -134,7 +134,8 @@ impl<'a> Materials<'a> {
                 b"Kd" => {
                     let line = words.line();
                     let ([r, g, b], count) = words.rest("a colour", &[1, 3])?;
-                    if let Some(part) = [r, g, b].into_iter().find(|part| *part > 1.0) {
+                    // More than the rounding of text: parts of 255.
+                    if let Some(part) = [r, g, b].into_iter().find(|part| *part > 1.001) {
                         return Err(bad_text_because(
                             line,
                             &format!("{part} is not a part of a colour, from 0 to 1"),
