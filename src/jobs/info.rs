@@ -368,7 +368,9 @@ impl Measured {
         if measures.volume_mm3.is_some() {
             let _ = match enclosed.cavities {
                 0 => write!(volume, ", no cavities wider than a voxel"),
-                cavities => write!(volume, ", cavities left out: {cavities} voxels clear of their walls"),
+                cavities => {
+                    write!(volume, ", air left out: {cavities} voxels, enclosed but for gaps below a voxel")
+                }
             };
         }
         vec![
