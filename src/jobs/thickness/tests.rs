@@ -121,7 +121,7 @@ fn what_cannot_be_measured_is_refused_and_nothing_is_written() {
     // Balls of an eighth of the volume do not fill the body; with a limit of thin walls above it they do.
     let usual = ThicknessRequest { by: Method::Ball, ..Default::default() };
     let found = |request| thickness(&ball, &request, ThicknessOutputs::default(), &Silent).unwrap();
-    assert_eq!((found(usual).max_mm, found(usual).thickness), (2.5, None));
+    assert_eq!((found(usual).max_mm, found(usual).thickness), (41.0 * 0.5 / 8.0, None));
     let report = found(ThicknessRequest { thin_mm: Some(12.0), ..usual });
     assert_eq!((report.max_mm, report.thicker.cells), (12.0, 0));
     assert!((report.thickness.unwrap().mean - 9.0).abs() < 0.5, "{report:?}");
