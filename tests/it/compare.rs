@@ -272,7 +272,7 @@ fn sharp_edges_of_trees_are_not_beyond_a_tolerance_for_certain() {
         stage.at(name)
     });
     let model = stage.at("block.oct");
-    assert_eq!(oct(&["build", &block, "-o", &model, "--grid", "64"]).code, 0);
+    assert_eq!(oct(&["build", &block, "-o", &model, "--grid", "64", "--surface", "cells"]).code, 0);
     for (nominal, tolerance, verdict) in [
         (&block, "0.1", (7, "undecided")),
         (&block, "1", (0, "conforms")),

@@ -213,7 +213,7 @@ fn the_library_names_its_own_options() {
     let (view, outputs) = (ViewRequest::default(), Outputs::of(Path::new("p.png")));
     let each = infobyte::jobs::build::EachLabel { folder: Path::new(""), replace: false, keep_whole: false };
     let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}")
-        + &format!(" {outputs:?} {each:?}");
+        + &format!(" {outputs:?} {each:?} {:?}", infobyte::jobs::compare::CompareRequest::default());
     // Values of fields, arguments of functions, and functions.
     let others =
         ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build", "only"];
