@@ -155,7 +155,14 @@ fn the_largest_component_is_exported_as_one_body() {
     write(&at("v.raw"), [40, 36, 30], |_| i16::from(random.below(1000) < 400));
     let exported = |extra: &[&str], how: &[&str]| {
         let input = at("v.raw");
-        build(&input, &at("m.oct"), [40, 36, 30], "i16", &[&["--iso", "1"], extra].concat()).json();
+        build(
+            &input,
+            &at("m.oct"),
+            [40, 36, 30],
+            "i16",
+            &[&["--iso", "1", "--surface", "cells"], extra].concat(),
+        )
+        .json();
         let (model, mesh) = (text(&at("m.oct")), text(&at("m.stl")));
         let run = |more: &[&str]| oct(&[&["export", &model, "-o", &mesh][..], how, more].concat());
         (run(&["--json"]).json()["separate_bodies"].as_u64().unwrap(), run(&[]).stdout)

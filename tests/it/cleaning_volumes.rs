@@ -216,7 +216,7 @@ fn cleaned(source: &dyn VolumeSource, options: &CleanOptions, build: &BuildOptio
     got
 }
 
-/// Keeps the largest component by a flood fill over 26 neighbours.
+/// Keeps the largest component by a flood fill through faces.
 fn largest(dims: [u32; 3], inside: &[bool]) -> Vec<bool> {
     let mut labels = vec![0_usize; inside.len()];
     let mut best = (0, 0);
@@ -233,8 +233,8 @@ fn largest(dims: [u32; 3], inside: &[bool]) -> Vec<bool> {
             let [nx, ny, nz] = dims.map(i64::from);
             let i = i64::try_from(at).unwrap();
             let p = [i % nx, i / nx % ny, i / nx / ny];
-            for step in 0..27 {
-                let [x, y, z] = [p[0] + step % 3 - 1, p[1] + step / 3 % 3 - 1, p[2] + step / 9 - 1];
+            for [x, y, z] in [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] {
+                let [x, y, z] = [p[0] + x, p[1] + y, p[2] + z];
                 if (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z) {
                     let next = usize::try_from((z * ny + y) * nx + x).unwrap();
                     if inside[next] && labels[next] == 0 {

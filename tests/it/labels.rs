@@ -308,7 +308,11 @@ fn a_label_by_itself_is_measured_and_several_are_refused() {
     let how = ["--labels", "all", "--names", &text(&names), "--each", &at("each")];
     assert_eq!(command::build(&[&input], Path::new(&at("all.oct")), &how).code, 0);
     assert_eq!(command::build(&[&input], Path::new(&at("one.oct")), &["--labels", "7"]).code, 0);
-    assert_eq!(command::build(&[&input], Path::new(&at("solid.oct")), &["--range", "7..7"]).code, 0);
+    assert_eq!(
+        command::build(&[&input], Path::new(&at("solid.oct")), &["--range", "7..7", "--surface", "cells"])
+            .code,
+        0
+    );
     let near = |value: &Value, due: f64, off: f64| {
         assert!((value.as_f64().unwrap() - due).abs() < off, "{value}, not {due}");
     };

@@ -120,8 +120,9 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
     for subject in &subjects {
         synthetic::open(Path::new(subject))?;
     }
+    let model = request.model.as_ref().map(|path| open_model(path).map(|model| (path, model))).transpose()?;
     let mut experiments = Vec::new();
-    let of_model = request.model.as_ref().map_or(0, |_| experiments::OF_MODEL);
+    let of_model = model.as_ref().map_or(0, |_| experiments::OF_MODEL);
     progress.stage("measure", subjects.len() as u64 * experiments::OF_SYNTHETIC + of_model);
     for subject in &subjects {
         for found in bench.of_synthetic(subject)? {
@@ -129,10 +130,9 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         }
     }
     let mut voxel_mm = None;
-    if let Some(path) = &request.model {
-        let model = open_model(path)?;
+    if let Some((path, model)) = &model {
         let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
-        for found in bench.of_model(&model, &name)? {
+        for found in bench.of_model(model, &name)? {
             rows::join(&mut experiments, found);
         }
         model.check_unchanged(path)?;
