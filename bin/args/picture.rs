@@ -136,7 +136,7 @@ pub(crate) struct RenderArgs {
     /// no light and no depth
     #[arg(long, value_name = "AXIS=MM", value_parser = parse::section, conflicts_with_all = ["view", "eye", "contact", "turntable", "depth", "normals", "ids"])]
     pub(crate) section: Option<Section>,
-    /// Add a scale bar below the picture, and a cube with the patient's sides (R, L, A, P, S, I) or the axes
+    /// Add a scale bar, and a cube with the patient's sides (R, L, A, P, S, I) or the axes
     #[arg(long)]
     pub(crate) annotate: bool,
     /// Add the file name and the size of what is visible, before cuts, or --title=TEXT, above the picture
