@@ -1,7 +1,7 @@
 //! Two examples below the help of each command, as they would be typed.
 
 pub(crate) const BUILD: &str = "Examples:
-  oct build ct-series/ -o head.oct --preset bone
+  oct build ct-series/ -o head.oct --preset bone --keep-largest 1
   oct build scan.raw -o scan.oct --dims 512x512x300 --dtype u16 --spacing 0.5x0.5x1 --iso 300 --memory 8MiB";
 
 pub(crate) const BATCH: &str = "Examples:

@@ -415,6 +415,8 @@ impl Chooser {
         };
         let mut notes = Vec::new();
         if seen > 1 {
+            let rank = named.iter().find(|(_, n, _)| *n == number).map(|(rank, ..)| *rank);
+            let is_tie = named.iter().any(|(other, n, _)| *n != number && Some(*other) == rank);
             let others = named.into_iter().filter(|(_, n, _)| *n != number).take(NAMED);
             let others: Vec<String> = others
                 .map(|(_, n, other)| match errors.get(&n) {
@@ -426,7 +428,11 @@ impl Chooser {
                 0 => String::new(),
                 more => format!("; and {more} more"),
             };
-            let why = if wanted.is_some() { "the chosen one" } else { "the largest that forms a volume" };
+            let why = match (wanted, is_tie) {
+                (Some(_), _) => "the chosen one".to_owned(),
+                (None, false) => "the largest that forms a volume".to_owned(),
+                (None, true) => format!("the first of the largest that form a volume ({VOLUME} chooses)"),
+            };
             notes.push(Note::new(format!(
                 "{seen} sets of images were found; {why} is used ({used}); not used: {}{more}",
                 others.join("; ")

@@ -1,9 +1,9 @@
-//! Separate bodies of a closed surface, counted while its triangles are written.
+//! Separate bodies of a closed surface and the cavities in them, counted while its triangles are written.
 #![expect(clippy::cast_possible_truncation, reason = "corners are numbered in 32 bits")]
 
 use crate::geom::{add_scaled, cross, dot};
 
-/// Sets of corners that triangles join; those that enclose a solid are bodies, and cavities are not.
+/// Sets of corners that triangles join: bodies, which enclose a solid, and cavities.
 ///
 /// Memory: 12 bytes for each corner that later triangles may have. Cost: some nanoseconds a triangle.
 #[derive(Default)]
@@ -16,8 +16,8 @@ pub(super) struct Bodies {
     volume: Vec<f64>,
     /// A place near all corners, for the sake of rounding.
     origin: Option<[f64; 3]>,
-    /// Bodies whose triangles have all passed.
-    complete: u64,
+    /// Bodies and cavities whose triangles have all passed.
+    complete: [u64; 2],
 }
 
 impl Bodies {
@@ -58,12 +58,15 @@ impl Bodies {
             self.volume.push(if is_first { volume[root] } else { 0.0 });
         }
         let is_complete = |root: &usize| roots[*root] as usize == *root && names[*root].is_none();
-        self.complete += (0..gone).filter(is_complete).filter(|root| volume[*root] > 0.0).count() as u64;
+        for root in (0..gone).filter(is_complete) {
+            self.complete[0] += u64::from(volume[root] > 0.0);
+            self.complete[1] += u64::from(volume[root] < 0.0);
+        }
         self.first = first;
     }
 
-    /// The number of bodies, after the last triangle.
-    pub(super) fn count(mut self) -> u64 {
+    /// The numbers of bodies and of cavities, after the last triangle.
+    pub(super) fn count(mut self) -> [u64; 2] {
         self.layer(u32::MAX);
         self.complete
     }
@@ -83,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bodies_are_counted_by_common_corners_whatever_the_layers_and_cavities_are_not() {
+    fn bodies_and_cavities_are_counted_by_common_corners_whatever_the_layers() {
         let solid = [[0_u32, 2, 1], [0, 1, 3], [2, 0, 3], [1, 2, 3]];
         let at = |corner: u32| match corner % 4 {
             0 => [0.0; 3],
@@ -103,11 +106,11 @@ mod tests {
         let cavity = from(12, 4).map(|([a, b, c], first)| ([a, c, b], first));
         for firsts in [[0; 4], [0, 0, 0, 1]] {
             let first: Vec<_> = solid.into_iter().zip(firsts).collect();
-            assert_eq!(count(&[&first[..], &from(4, 4)].concat()), 2);
-            assert_eq!(count(&[&first[..], &cavity, &from(16, 16)].concat()), 2);
+            assert_eq!(count(&[&first[..], &from(4, 4)].concat()), [2, 0]);
+            assert_eq!(count(&[&first[..], &cavity, &from(16, 16)].concat()), [2, 1]);
         }
         let hinged = from(4, 0).map(|(face, first)| (face.map(|c| if c == 4 { 0 } else { c }), first));
-        assert_eq!(count(&[from(0, 0), hinged].concat()), 1);
-        assert_eq!(count(&[]), 0);
+        assert_eq!(count(&[from(0, 0), hinged].concat()), [1, 0]);
+        assert_eq!(count(&[]), [0; 2]);
     }
 }

@@ -24,7 +24,7 @@ impl Bounded {
         Self { to, sum: 0, is_closed: true, bodies: None }
     }
 
-    /// Counts bodies as well.
+    /// Counts bodies and cavities as well.
     pub(super) fn counting(self) -> Self {
         Self { bodies: Some(Bodies::default()), ..self }
     }
@@ -36,8 +36,8 @@ impl Bounded {
     }
 
     /// Completes the file; true if all parts are closed: if each edge has as many triangles on one side as on the other.
-    /// And the number of bodies, if they were counted.
-    pub(super) fn finish(self) -> io::Result<(bool, Option<u64>)> {
+    /// And the numbers of bodies and cavities, if they were counted.
+    pub(super) fn finish(self) -> io::Result<(bool, Option<[u64; 2]>)> {
         self.to.finish()?;
         Ok((self.is_closed && self.sum == 0, self.bodies.map(Bodies::count)))
     }

@@ -190,10 +190,12 @@ pub(crate) struct Exported {
     pub(crate) distance_mm: Option<f64>,
     /// Bound of that distance, in mm.
     pub(crate) within_mm: Option<f64>,
+    /// Root mean square distance from places of the fine surface to the reduced one, in mm, where it was measured.
+    pub(crate) rms_mm: Option<f64>,
     /// True where each edge has as many triangles one way as the other, in each part; of triangles.
     pub(crate) is_closed: Option<bool>,
-    /// Separate bodies of a closed surface without labels.
-    pub(crate) bodies: Option<u64>,
+    /// Separate bodies of a closed surface without labels, and cavities in them.
+    pub(crate) bodies: Option<[u64; 2]>,
     /// Separate parts of the surface that were left out, where it was in memory.
     pub(crate) parts_gone: Option<u64>,
     /// Bodies that came apart from a single one where triangles were made few, and were left out.

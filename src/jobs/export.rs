@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::info::has_values;
 use super::open_model::open_model;
 use super::render::RenderRequest;
 use super::scene::picture_of;
@@ -27,8 +28,10 @@ use crate::page::{self, Shown, Transport};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scene::LabelRule;
-use crate::text::names::{EACH, ERROR, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, TRIANGLES, VIEW};
-use crate::text::{Count, Short, data, shown};
+use crate::text::names::{
+    EACH, ERROR, FILL_CAVITIES, FORM, KEEP_LARGEST, LABELS, OUTPUT, SMOOTH, TRIANGLES, VIEW,
+};
+use crate::text::{Count, Rounded, Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
 
@@ -87,12 +90,18 @@ pub struct ExportReport {
     /// Bound of that distance: the error, or the known bound where it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
+    /// Root mean square distance in mm of the fine surface from the written one, at up to 20,000 of its corners.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rms_mm: Option<f64>,
     /// For triangles, true where each edge has as many on one side as on the other, of labels in the surface of each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed: Option<bool>,
     /// Separate bodies that a closed surface encloses; they are not counted for labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub separate_bodies: Option<u64>,
+    /// Cavities that a closed surface encloses within its bodies; they are not counted for labels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cavities: Option<u64>,
     /// Separate parts of the surface, the smallest ones, that were left out to reach a number of triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts_gone: Option<u64>,
@@ -107,6 +116,9 @@ pub struct ExportReport {
     /// True if the surface enclosed one body before triangles were made fewer.
     #[serde(skip)]
     pub was_one: bool,
+    /// True for a model of a volume, whose build can leave out bodies and cavities.
+    #[serde(skip)]
+    pub is_of_volume: bool,
     /// True if coordinates of 32 bits are too coarse for the place of the model: more than 1/128 of a voxel.
     #[serde(skip)]
     pub is_far: bool,
@@ -258,9 +270,12 @@ fn report(
         distance_mm: made.distance_mm,
         within_mm: made.within_mm,
         closed: made.is_closed,
-        separate_bodies: made.bodies,
+        rms_mm: made.rms_mm,
+        separate_bodies: made.bodies.map(|[bodies, _]| bodies),
+        cavities: made.bodies.map(|[_, cavities]| cavities),
         parts_gone: made.parts_gone,
         was_one: made.was_one,
+        is_of_volume: has_values(model.metadata()),
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
         warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made, surfaces.len())).collect(),
@@ -515,20 +530,33 @@ impl ExportReport {
         let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
         let bodies =
             self.separate_bodies.map_or_else(String::new, |count| format!(", {}", Count(count, "body")));
+        let cavities = self.cavities.filter(|count| *count > 0);
+        let within = cavities.map_or_else(String::new, |count| format!(" with {}", Count(count, "cavity")));
         let bytes = Bytes(self.bytes);
-        let mut text =
-            format!("{}: {what}{closed}{bodies}, {bytes}, {:.2} s\n", shown(&self.output), self.wall_s);
+        let mut text = format!(
+            "{}: {what}{closed}{bodies}{within}, {bytes}, {:.2} s\n",
+            shown(&self.output),
+            self.wall_s
+        );
         if self.separate_bodies > Some(1) {
             text += &if self.was_one {
                 format!(
                     "  thin bridges came apart; for one body leave out {ERROR}, or choose {TRIANGLES} instead\n"
                 )
-            } else {
+            } else if self.is_of_volume {
                 format!("  for one, build the volume with {KEEP_LARGEST} 1\n")
+            } else {
+                String::new()
             };
         }
+        if cavities.is_some() && self.is_of_volume {
+            text += &format!("  for a solid without them, build the volume with {FILL_CAVITIES}\n");
+        }
         if let Some(fine) = self.fine_triangles {
-            let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
+            let apart = self.distance_mm.map(|mm| {
+                let rms = self.rms_mm.map_or_else(String::new, |mm| format!(", {} mm RMS", Rounded(mm)));
+                format!(", at most {} mm from them{rms} (measured)", Rounded(mm))
+            });
             let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));
             text += &format!("  of {fine} fine triangles{}\n", apart.or_else(within).unwrap_or_default());
         }

@@ -369,7 +369,7 @@ impl Measured {
             let _ = match enclosed.cavities {
                 0 => write!(volume, ", no cavities wider than a voxel"),
                 cavities => {
-                    write!(volume, ", air left out: {cavities} voxels, enclosed but for gaps below a voxel")
+                    write!(volume, ", without {cavities} voxels of air in cavities")
                 }
             };
         }

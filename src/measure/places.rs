@@ -62,7 +62,7 @@ impl Places {
         }
     }
 
-    /// The places, the worst first.
+    /// The places, the worst first, and of equal ones the largest.
     pub(crate) fn finish(mut self) -> Vec<PlaceOut> {
         let mut all = Vec::new();
         while let Some((block, mut place)) = self.blocks.pop_first() {
@@ -79,7 +79,10 @@ impl Places {
             }
             all.push(place);
         }
-        crate::order::by(&mut all, |a, b| b.rank.total_cmp(&a.rank).then(a.number.cmp(&b.number)));
+        crate::order::by(&mut all, |a, b| {
+            let by_area = || b.area.total_cmp(&a.area);
+            b.rank.total_cmp(&a.rank).then_with(by_area).then(a.number.cmp(&b.number))
+        });
         all
     }
 }

@@ -27,7 +27,7 @@ pub(crate) use encoding::{mark_bytes, plain_head};
 pub use names::{Name, spell};
 pub use nearest::nearest;
 pub use number::Count;
-pub(crate) use number::{Short, WithError, mark, size_title};
+pub(crate) use number::{Rounded, Short, WithError, mark, size_title};
 pub(crate) use sanitize::html;
 pub use sanitize::{Foreign, Shown, call, data, json, plain, shown};
 pub(crate) use system::{reading, writing};

@@ -58,6 +58,7 @@ names! {
     INDEX = "index",
     ISO = "Threshold::Iso",
     KEEP_LARGEST = "keep_largest",
+    FILL_CAVITIES = "fill_cavities",
     KEEP_NAMES = "keep_names",
     KEEP_THIN = "keep_thin",
     LABELS = "labels",

@@ -22,6 +22,24 @@ impl fmt::Display for Short {
     }
 }
 
+/// A measured number, shown with four digits, and with all digits before the point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rounded(
+    /// The number.
+    pub f64,
+);
+
+impl fmt::Display for Rounded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let places = (3 - power(self.0)).max(0);
+        if self.0.is_finite() && places <= 12 {
+            write_rounded(f, self.0, places)
+        } else {
+            Short(self.0).fmt(f)
+        }
+    }
+}
+
 /// A number and its error, rounded to the same place: the error to two digits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WithError {
@@ -111,6 +129,13 @@ mod tests {
         let support = |d: [f64; 3]| d.iter().zip(sides).map(|(d, side)| d.max(0.0) * side).sum();
         assert_eq!(size_title("a", support), "a · 1235 × 4.12 × 0.0488 mm");
         assert_eq!(size_title("a", |d: [f64; 3]| 155.159 / 2.0 * d[0].abs()), "a · 155 × 0 × 0 mm");
+    }
+
+    #[test]
+    fn measured_numbers_have_four_digits_and_all_before_the_point() {
+        let numbers = [0.002_969_64, -1.234_56, 12_345.6, 100.0, 0.0, 1e-20, f64::INFINITY];
+        let texts = numbers.map(|number| Rounded(number).to_string());
+        assert_eq!(texts, ["0.00297", "-1.235", "12346", "100", "0", "1e-20", "inf"].map(str::to_owned));
     }
 
     #[test]

@@ -212,6 +212,55 @@ fn thin_walls_borders_gaps_and_verdicts() {
 }
 
 #[test]
+fn parts_that_are_added_or_lacking_do_not_conform_and_are_placed() {
+    let stage = Stage::new();
+    let block = |p: [f64; 3], half: f64, low: f64, high: f64| {
+        let across = (p[0] - 31.7).abs().max((p[1] - 31.7).abs()) - half;
+        (low - p[2]).max(p[2] - high).max(across)
+    };
+    let plain = stage.model("plain.oct", PLAIN, |p| block(p, 20.0, 20.2, 30.2));
+    let bossed =
+        stage.model("bossed.oct", PLAIN, |p| block(p, 20.0, 20.2, 30.2).min(block(p, 5.0, 25.0, 50.2)));
+    let drawing = stage.at("plain.csg");
+    fs::write(&drawing, "translate([11.7, 11.7, 20.2]) cube([40, 40, 10]);").unwrap();
+    // Up to the radius the boss has counterparts, above it none: one place, whether the nominal is a volume or a tree.
+    let given = ["--radius", "4", "--tolerance", "1"];
+    for nominal in [&plain, &drawing] {
+        let (code, report) = compared(&[&[bossed.as_str(), nominal], &given[..]].concat());
+        let worst = report["worst"].as_array().unwrap();
+        assert_eq!((code, &report["tolerance"]["verdict"]), (6, &json!("does_not_conform")), "{report:#}");
+        assert!(number(&report, "/tolerance/outside") > 0.1, "{report:#}");
+        assert!(worst.iter().filter(|place| place["area_mm2"].as_f64() > Some(20.0)).count() == 1);
+        let first = &worst[0];
+        assert_eq!((&first["has_counterpart"], number(first, "/d_mm")), (&json!(false), 4.0), "{first:#}");
+        assert!((number(first, "/box_mm/1/2") - 50.2).abs() < 1.0, "{first:#}");
+        assert!(report["lacking"].as_array().unwrap().is_empty());
+    }
+    let text = oct(&[&["compare", &bossed, &plain], &given[..]].concat()).stdout;
+    assert!(text.contains("    more than 4 mm at ") && text.contains(" mm2, no counterpart\n"), "{text}");
+    let far = "one way, from ACTUAL to NOMINAL: more than 4 mm";
+    assert!(text.contains(far) && text.contains("; a larger radius finds it"), "{text}");
+    let both = [&["compare", &plain, &bossed, "--both-ways"], &given[..]].concat();
+    let (code, report) = compared(&both[1..]);
+    assert_eq!((code, report["lacking"].as_array().unwrap().len()), (6, 1), "{report:#}");
+    let place = &report["lacking"][0];
+    assert!((number(place, "/box_mm/1/2") - 50.2).abs() < 1.0 && number(place, "/d_mm") == 4.0, "{place:#}");
+    let text = oct(&both).stdout;
+    assert!(text.contains("mm and more than 4 mm back") && text.contains("that ACTUAL lacks: "), "{text}");
+    // A bar through both volumes: nothing is known of it beyond the nominal one.
+    let along = |row: [f64; 4]| [row, PLAIN[1], PLAIN[2]];
+    let bar = |p: [f64; 3]| (p[1] - 31.7).abs().max((p[2] - 31.7).abs()) - 8.2;
+    let one = stage.model("one.oct", along([1.0, 0.0, 0.0, 40.0]), bar);
+    let other = stage.model("other.oct", PLAIN, bar);
+    for both in [&[][..], &["--both-ways"]] {
+        let (code, report) = compared(&[&[one.as_str(), &other], &given[..], both].concat());
+        assert_eq!((code, number(&report, "/tolerance/outside")), (7, 0.0), "{report:#}");
+        assert!(number(&report, "/tolerance/undecided") > 0.5 && report["worst"] == json!([]), "{report:#}");
+        assert_eq!(report["lacking"], json!([]));
+    }
+}
+
+#[test]
 fn a_fit_finds_back_and_names_what_is_free() {
     let stage = Stage::new();
     let [(_, ball), _, (_, block)] = Solid::all(f64::from(N));
@@ -337,6 +386,7 @@ fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     // A volume that is moved lies on the tree's own grid.
     refused(&[&cut, &tree("moved.csg", "translate([1, 0, 0]) ")], 3, &["v.nrrd", "bytes"]);
     refused(&[&fine, &fine, "--place", "2,0,0,0,0,2,0,0,0,0,2,0"], 2, &["scales"]);
+    refused(&[&fine, &fine, "--angle", "400"], 2, &["0 to 180 degrees"]);
     refused(&[&fine, &fine, "-o", &fine], 2, &["a.oct"]);
     // As the nominal, larger leaves are measured within their bound.
     let report = stage.compare(&[&fine, &leaves]);

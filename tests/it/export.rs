@@ -221,6 +221,10 @@ fn a_round_trip_gives_the_same_solid_voxel_by_voxel() {
     };
     let case = Case::new([40, 38, 37], SurfaceKind::Skin, identity(), depth);
     case.mesh().is_closed_manifold();
+    let report = case.export("m.ply");
+    assert_eq!(report.cavities, Some(1));
+    let text = report.text();
+    assert!(text.contains(" with 1 cavity, ") && text.contains("for a solid without them"), "{text}");
     let mask = case.mask();
     let mut at = 0;
     for z in 0..37 {
@@ -388,6 +392,12 @@ fn meshes_within_an_error_are_closed_smaller_and_near() {
             let back = new.triangles.iter().map(|t| old.distance(middle(t)));
             let worst = there.chain(back).fold(0.0, f64::max) / least;
             assert!(worst <= bound, "{surface:?} {bound}: {worst}");
+            let corners: HashSet<[u64; 3]> =
+                old.triangles.iter().flatten().map(|at| at.map(f64::to_bits)).collect();
+            let squares = corners.iter().map(|at| new.distance(at.map(f64::from_bits)).powi(2));
+            let rms = (squares.sum::<f64>() / corners.len() as f64).sqrt();
+            let stated = report.rms_mm.unwrap();
+            assert!(corners.len() < 20_000 && (stated - rms).abs() < 0.01 * rms, "{stated} {rms}");
         }
         // Smooth cells at a tenth of a voxel: half of the triangles or fewer, of bodies that are large enough.
         let (report, _) = case.within("e.ply", Tolerance::Mm(0.1 * least));

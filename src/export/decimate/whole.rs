@@ -76,6 +76,8 @@ pub(in crate::export) struct Goal {
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
+    /// Root mean square distance from corners of the surface before; of a whole surface.
+    rms_mm: Option<f64>,
     parts_gone: u64,
     pieces_gone: u64,
     /// True if the surface before encloses one body.
@@ -135,7 +137,7 @@ impl<'a> Whole<'a> {
         let slab_mm = self.slab_mm.unwrap_or_default();
         self.slab = [0; 2];
         let goal = Goal { error_mm: self.goal.error_mm.map(|mm| mm - slab_mm), ..self.goal };
-        let Apart { distance_mm, parts_gone, pieces_gone, was_one } = self.reduced(goal, false)?;
+        let Apart { distance_mm, rms_mm, parts_gone, pieces_gone, was_one } = self.reduced(goal, false)?;
         // The sum over two reductions, one of slabs and one of their union, is a bound.
         let (distance_mm, within_mm) = match self.slab_mm {
             Some(slab_mm) => (None, Some(distance_mm + slab_mm)),
@@ -147,6 +149,7 @@ impl<'a> Whole<'a> {
             fine_triangles: made.triangles,
             distance_mm,
             within_mm,
+            rms_mm: rms_mm.filter(|_| self.slab_mm.is_none()),
             parts_gone: Some(parts_gone),
             pieces_gone,
             was_one,
@@ -196,6 +199,9 @@ fn number(count: usize) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
 
+/// Most corners whose distances make up the root mean square.
+const OF_RMS: usize = 20_000;
+
 /// Makes triangles fewer and moves their corners. `is_open`: true for a part of a surface, whose border stays, and which is
 /// not repaired.
 ///
@@ -237,8 +243,9 @@ pub(in crate::export) fn reduce(
         return Ok((reducer.fine, Apart::default()));
     };
     let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
+    let rms_mm = reducer.rms(&surface);
     surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
-    Ok((surface, Apart { distance_mm, parts_gone, pieces_gone, was_one: is_one }))
+    Ok((surface, Apart { distance_mm, rms_mm, parts_gone, pieces_gone, was_one: is_one }))
 }
 
 /// Hands over points of an item.
@@ -493,6 +500,20 @@ impl Reducer<'_> {
         all.retain(|(square, _)| *square > enough);
         let most = f64::from_bits(far.most.into_inner());
         Ok((most.sqrt(), all.into_iter().map(|(_, at)| at).collect()))
+    }
+
+    /// Root mean square distance from corners of the fine surface to another one; `None` for a part of a surface.
+    fn rms(&self, few: &Surface) -> Option<f64> {
+        if self.is_open {
+            return None;
+        }
+        let tree = Tree::new(few.triangles().collect());
+        let (mut seed, mut sum, mut count) = (0, 0.0, 0.0);
+        for at in self.fine.at.iter().step_by(self.fine.at.len().div_ceil(OF_RMS).max(1)) {
+            sum += tree.square(at.map(f64::from), &mut seed, 0.0);
+            count += 1.0;
+        }
+        (count > 0.0).then(|| (sum / count).sqrt())
     }
 }
 

@@ -176,6 +176,9 @@ impl CompareRequest {
         if self.radius_mm.is_some_and(|radius| !(radius > 0.0 && radius.is_finite())) {
             return Err(usage!("the radius must be above 0 mm").into());
         }
+        if !(0.0..=180.0).contains(&self.angle_deg) {
+            return Err(usage!("the angle between normals must be 0 to 180 degrees").into());
+        }
         if self.threshold_sigma.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
             return Err(usage!("the standard deviation of the threshold must be 0 or more").into());
         }
@@ -212,28 +215,36 @@ impl Job<'_> {
         let radius_mm = request.radius_mm.unwrap_or_else(|| RADIUS * diagonal_mm(&other));
         let placement = self.place(radius_mm)?;
         let cosine = request.angle_deg.to_radians().cos();
-        let rule = Rule { placement: placement.affine(), radius_mm, cosine };
+        let diagonal = cell_diagonal_mm(&one);
+        // Edges that cells cut off are included.
+        let far_mm = request.tolerance_mm.map_or(radius_mm, |[lo, hi]| lo.abs().max(hi.abs()) + diagonal);
+        let is_whole = other.is_whole();
+        let rule = Rule { placement: placement.affine(), radius_mm, cosine, far_mm, is_whole };
         let mut records = Records::create(folder, outputs.csv, "deviation")?;
         let mut found = Found::new(radius_mm, one.surface.space.finest);
         found.has_intervals = one.doubt.is_known() && other.doubt.is_known();
         let mut farthest = Farthest::default();
         self.progress.stage("comparing", one.model.header().voxels);
         self.measure(&rule, [one, other], |row| {
-            found.add(row, request.tolerance_mm);
+            found.add(row, request.tolerance_mm, rule.is_far(row.distance));
             farthest.add(row);
             if let (Some(_), Some(shift)) = (row.value, one.doubt.shift_mm(row.number)) {
                 found.shift = [found.shift[0] + shift * row.area_mm2, found.shift[1] + row.area_mm2];
             }
-            let values = [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN));
-            records.add((row.at_mm, row.area_mm2), &values, values)
+            let shown = [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN));
+            records.add((row.at_mm, row.area_mm2), &row.kept(), shown)
         })?;
-        let distances = [farthest.distance_mm(&rule, &one, &other), self.way_back(&rule)?];
-        let worst = self.worst(&mut records, &rule, found.distribution.percentile(0.95))?;
+        let (back, lacking) = self.way_back(&rule)?;
+        let distances = [farthest.distance_mm(&rule, &one, &other), back];
+        let worst = match found.distribution.count() {
+            0 => Vec::new(),
+            _ => self.worst(&mut records, &rule, found.distribution.percentile(0.95))?,
+        };
         for (measured, path) in [one, other].iter().zip(self.paths) {
             measured.model.check_unchanged(path)?;
         }
         records.finish::<2>((one.model, outputs.model), &self.quantity(&found), radius_mm, self.progress)?;
-        Ok(found.report(self, &rule, placement, distances, worst))
+        Ok(found.report(self, &rule, placement, distances, [worst, lacking]))
     }
 
     /// Measures the cells of one model from the surface of the other.
@@ -286,20 +297,28 @@ impl Job<'_> {
         [self.one.model, self.other.model]
     }
 
-    /// The greatest distance of the nominal from the actual model, if it is asked for.
-    fn way_back(&self, rule: &Rule) -> Result<Option<f64>, Error> {
-        if !self.request.both_ways {
-            return Ok(None);
-        }
-        let Some(placement) = rule.placement.inverse() else { return Ok(None) };
-        let back = Rule { placement, ..*rule };
-        let mut farthest = Farthest::default();
+    /// The greatest distance of the nominal from the actual model, and where that lacks surface, if it is asked for.
+    fn way_back(&self, rule: &Rule) -> Result<(Option<f64>, Vec<Worst>), Error> {
+        let placement = rule.placement.inverse().filter(|_| self.request.both_ways);
+        let Some(placement) = placement else { return Ok((None, Vec::new())) };
+        let back = Rule { placement, is_whole: self.one.is_whole(), ..*rule };
+        let (mut farthest, mut places) = (Farthest::default(), Places::default());
         self.progress.stage("comparing back", self.other.model.header().voxels);
         self.measure(&back, [self.other, self.one], |row| {
             farthest.add(row);
+            if let Some(distance) = row.distance.filter(|_| back.is_far(row.distance) && row.area_mm2 > 0.0) {
+                let there = Row { at_mm: rule.placement.apply(row.at_mm), ..*row };
+                places.add(row.cell, &PlaceOut::apart(&there, distance));
+            }
             Ok(())
         })?;
-        Ok(farthest.distance_mm(&back, &self.other, &self.one))
+        Ok((farthest.distance_mm(&back, &self.other, &self.one), self.listed(places, rule)))
+    }
+
+    /// The places that are listed.
+    fn listed(&self, places: Places, rule: &Rule) -> Vec<Worst> {
+        let all = places.finish();
+        all.iter().take(self.request.worst).map(|place| Worst::of(place, rule.radius_mm)).collect()
     }
 
     /// The worst places: beyond the tolerance, or without one beyond the 95th percentile.
@@ -310,34 +329,25 @@ impl Job<'_> {
         let mut relief = PageRelief::new(&models);
         for ((number, cell), value) in self.one.model.voxels().places().zip(records.values()?) {
             let [value, u95] = value.map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
+            let known = Some(u95).filter(|u| !u.is_nan());
             let is_out = match self.request.tolerance_mm {
+                _ if value.is_nan() => rule.is_far(known),
                 Some([lo, hi]) => value < lo || value > hi,
                 None => value.abs() > p95,
             };
             if is_out {
                 let (row, _) = self.one.row(number, cell, &rule.placement);
-                if row.area_mm2 <= 0.0 {
-                    continue;
+                let place = match known {
+                    Some(distance) if value.is_nan() => PlaceOut::apart(&row, distance),
+                    u95 => PlaceOut { value, u95, ..PlaceOut::apart(&row, value.abs()) },
+                };
+                if row.area_mm2 > 0.0 {
+                    places.add(cell, &place);
                 }
-                let (at, range) = (row.at_mm, [row.at_mm; 2]);
-                let (rank, area) = (value.abs(), row.area_mm2);
-                places.add(
-                    cell,
-                    &PlaceOut {
-                        rank,
-                        number,
-                        value,
-                        at,
-                        u95: Some(u95).filter(|u| !u.is_nan()),
-                        cells: 1,
-                        area,
-                        range,
-                    },
-                );
             }
             relief.step();
         }
-        Ok(places.finish().iter().take(self.request.worst).map(Worst::of).collect())
+        Ok(self.listed(places, rule))
     }
 
     /// Deviation, as a model carries it.
@@ -357,6 +367,12 @@ impl Job<'_> {
     }
 }
 
+/// Diagonal of a cell.
+fn cell_diagonal_mm(of: &Measured<'_>) -> f64 {
+    let spacing = of.surface.space.spacing;
+    dot(spacing, spacing).sqrt()
+}
+
 /// Diagonal of the box around a model's surface.
 fn diagonal_mm(of: &Measured<'_>) -> f64 {
     let [low, end] = extent(of.surface.view).unwrap_or([[0; 3], of.surface.dims]);
@@ -373,7 +389,8 @@ struct Found {
     border: u64,
     without: Area,
     area_mm2: f64,
-    /// Areas within the tolerance, beyond it, and so near its limits that the uncertainty does not decide.
+    /// Areas within the tolerance, beyond it, and so near its limits that the uncertainty does not decide, or without a
+    /// counterpart although some surface is near.
     within_mm2: f64,
     beyond_mm2: f64,
     doubtful_mm2: f64,
@@ -399,7 +416,8 @@ impl Found {
         }
     }
 
-    fn add(&mut self, row: &Row, tolerance_mm: Option<[f64; 2]>) {
+    /// Adds a cell; `is_far` is true if it deviates for certain, counterpart or not.
+    fn add(&mut self, row: &Row, tolerance_mm: Option<[f64; 2]>, is_far: bool) {
         self.cells += 1;
         if row.is_border {
             self.border += 1;
@@ -413,6 +431,13 @@ impl Found {
         let Some(value) = row.value else {
             self.without.cells += 1;
             self.without.area_mm2 += row.area_mm2;
+            if is_far {
+                self.beyond_mm2 += row.area_mm2;
+                self.beyond += 1;
+            } else {
+                self.doubtful_mm2 += row.area_mm2;
+                self.doubtful += 1;
+            }
             return;
         };
         self.distribution.add(value, row.area_mm2);
@@ -440,13 +465,15 @@ impl Found {
         rule: &Rule,
         placement: Placement,
         distances: [Option<f64>; 2],
-        worst: Vec<Worst>,
+        [worst, lacking]: [Vec<Worst>; 2],
     ) -> CompareReport {
-        let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
-        // A place of the nominal without any surface near it that conforms, edges that cells cut off included.
-        let lacks = |[lo, hi]: [f64; 2]| {
-            distances[1].is_some_and(|mm| mm.min(rule.radius_mm) > lo.abs().max(hi.abs()) + diagonal)
-        };
+        // A place of the nominal has no surface near it that conforms.
+        let lacks = job.request.tolerance_mm.is_some() && rule.is_far(distances[1]);
+        if self.distribution.count() == 0 {
+            // The models may be in different places.
+            (self.doubtful, self.doubtful_mm2) = (self.without.cells, self.without.area_mm2);
+            (self.beyond, self.beyond_mm2) = (0, 0.0);
+        }
         let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
         self.without.share = share(self.without.area_mm2);
         let tolerance = job.request.tolerance_mm.map(|[lo, hi]| Tolerance {
@@ -454,10 +481,11 @@ impl Found {
             hi,
             inside: share(self.within_mm2),
             outside: share(self.beyond_mm2),
-            undecided: share(self.without.area_mm2 + self.doubtful_mm2),
-            verdict: match (self.beyond, self.without.cells + self.doubtful, self.distribution.count()) {
-                _ if lacks([lo, hi]) => Verdict::DoesNotConform,
-                (0, 0, 1..) => Verdict::Conforms,
+            undecided: share(self.doubtful_mm2),
+            verdict: match (self.beyond, self.doubtful, self.distribution.count()) {
+                (.., 0) => Verdict::Undecided,
+                _ if lacks => Verdict::DoesNotConform,
+                (0, 0, _) => Verdict::Conforms,
                 (0, ..) => Verdict::Undecided,
                 _ => Verdict::DoesNotConform,
             },
@@ -472,6 +500,7 @@ impl Found {
         });
         let deviation = Deviation::of(&self.distribution);
         let [to_nominal, to_actual] = distances.map(|distance| distance.filter(|mm| mm.is_finite()));
+        let is_beyond = distances.map(|distance| distance == Some(f64::INFINITY));
         let mut report = CompareReport {
             inputs: job.paths.map(data),
             radius_mm: rule.radius_mm,
@@ -480,9 +509,15 @@ impl Found {
             without_counterpart: self.without,
             border: Border { cells: self.border },
             deviation,
-            hausdorff: Hausdorff { to_nominal, to_actual, within_mm: diagonal / 2.0 },
+            hausdorff: Hausdorff {
+                to_nominal,
+                to_actual,
+                within_mm: cell_diagonal_mm(&job.one) / 2.0,
+                is_beyond,
+            },
             tolerance,
             worst,
+            lacking,
             uncertainty,
             actual_grid_mm: None,
             nominal_grid_mm: None,
@@ -497,14 +532,14 @@ impl Found {
                 "one of the models does not state how uncertain it is, so no interval is given; build both with {UNCERTAINTY}"
             ));
         }
-        if job.request.tolerance_mm.is_some_and(lacks) {
+        if lacks && deviation.is_some() {
             report.warnings.push("a part of NOMINAL has nothing of ACTUAL within the tolerance".into());
         } else if report.verdict() == Some(Verdict::Conforms) && distances[1].is_none() {
             report
                 .warnings
                 .push(format!("what ACTUAL lacks of NOMINAL is not looked for without {BOTH_WAYS}"));
         }
-        report.warn(distances.contains(&Some(f64::INFINITY)));
+        report.warn();
         report
     }
 }

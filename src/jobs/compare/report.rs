@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+use super::rule::Row;
 use super::{Distribution, PlaceOut};
 use crate::geom::Affine;
-use crate::text::{Count, Short, shown};
+use crate::text::{Count, Rounded, Short, shown};
 
 /// Deviations of one model from another. Lengths are in mm, areas in mm2, places in the nominal's millimetres (LPS).
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -31,8 +32,12 @@ pub struct CompareReport {
     pub hausdorff: Hausdorff,
     /// Verdict, if a tolerance was given.
     pub tolerance: Option<Tolerance>,
-    /// Worst places: connected cells beyond the tolerance, or without one beyond the 95th percentile.
+    /// Worst places: connected cells beyond the tolerance, or without one beyond the 95th percentile; far from all of the
+    /// nominal first, the largest of these first.
     pub worst: Vec<Worst>,
+    /// Places of the nominal that the actual model lacks, as the worst ones: nothing of it is within the tolerance and a
+    /// cell's diagonal, or the radius; empty unless measured both ways.
+    pub lacking: Vec<Worst>,
     /// Uncertainty of the deviations; null unless both models say how uncertain they are.
     pub uncertainty: Option<Uncertainty>,
     /// Spacing of the actual model, if it was built for the comparison.
@@ -133,6 +138,9 @@ pub struct Hausdorff {
     pub to_actual: Option<f64>,
     /// Bound on how much farther other places of the surfaces are: half a diagonal of a cell.
     pub within_mm: f64,
+    /// True where a place has nothing within the radius, to the nominal and to the actual model.
+    #[serde(skip)]
+    pub is_beyond: [bool; 2],
 }
 
 /// Verdict on a tolerance. Shares are of the area that was asked for, 0 to 1.
@@ -145,9 +153,9 @@ pub struct Tolerance {
     pub hi: f64,
     /// Share within the tolerance.
     pub inside: f64,
-    /// Share beyond it.
+    /// Share beyond it, and farther from all of the nominal than its limits and a cell's diagonal.
     pub outside: f64,
-    /// Share that has no counterpart.
+    /// Share whose uncertainty reaches over a limit, or that has no counterpart and is not far from all of the nominal.
     pub undecided: f64,
     /// All of it.
     pub verdict: Verdict,
@@ -162,7 +170,7 @@ pub enum Verdict {
     Conforms,
     /// A cell lies beyond it, or, measured both ways, a part of the nominal is lacking.
     DoesNotConform,
-    /// No cell lies beyond it, but some have no counterpart.
+    /// No cell lies beyond it for certain, but some may; or none has a counterpart.
     Undecided,
 }
 
@@ -172,8 +180,10 @@ pub enum Verdict {
 pub struct Worst {
     /// Its worst cell.
     pub at_mm: [f64; 3],
-    /// Deviation there.
+    /// Deviation there; without a counterpart the distance of the nearest surface, or the radius, if there is none within it.
     pub d_mm: f64,
+    /// True if the cell has a counterpart.
+    pub has_counterpart: bool,
     /// Uncertainty there (95 %); null if it is not known.
     pub u_mm: Option<f64>,
     /// Area of its cells.
@@ -185,9 +195,39 @@ pub struct Worst {
 }
 
 impl Worst {
-    pub(super) fn of(place: &PlaceOut) -> Self {
-        let PlaceOut { value, at, u95, cells, area, range, .. } = *place;
-        Self { at_mm: at, d_mm: value, u_mm: u95, area_mm2: area, cells, box_mm: range }
+    pub(super) fn of(place: &PlaceOut, radius_mm: f64) -> Self {
+        let PlaceOut { rank, value, at, u95, cells, area, range, .. } = *place;
+        let has_counterpart = !value.is_nan();
+        let d_mm = if has_counterpart { value } else { rank.min(radius_mm) };
+        Self { at_mm: at, d_mm, has_counterpart, u_mm: u95, area_mm2: area, cells, box_mm: range }
+    }
+
+    /// A line for people, with the deviation in words.
+    fn line(&self, d: String, radius_mm: f64) -> String {
+        let [x, y, z] = self.at_mm.map(Short);
+        let d = match self.u_mm {
+            Some(u) => format!("{d} +- {}", Rounded(u)),
+            None if !self.has_counterpart && self.d_mm >= radius_mm => format!("more than {d}"),
+            None => d,
+        };
+        let rest = if self.has_counterpart { "" } else { ", no counterpart" };
+        format!("    {d} mm at {x}, {y}, {z} mm, {} mm2{rest}\n", Rounded(self.area_mm2))
+    }
+}
+
+impl PlaceOut {
+    /// A cell without a counterpart whose nearest surface has this distance, infinite beyond the radius.
+    pub(super) fn apart(row: &Row, distance: f64) -> Self {
+        Self {
+            rank: distance,
+            number: row.number,
+            value: f64::NAN,
+            at: row.at_mm,
+            u95: None,
+            cells: 1,
+            area: row.area_mm2,
+            range: [row.at_mm; 2],
+        }
     }
 }
 
@@ -219,26 +259,20 @@ impl Verdict {
 }
 
 impl CompareReport {
-    /// Adds what has to be said about the figures; `is_beyond` is true if a place has nothing within the radius.
-    pub(super) fn warn(&mut self, is_beyond: bool) {
-        let percent = Short(100.0 * self.without_counterpart.share);
+    /// Adds what has to be said about the figures.
+    pub(super) fn warn(&mut self) {
+        let percent = Rounded(100.0 * self.without_counterpart.share);
         if self.without_counterpart.cells > 0 && self.deviation.is_some() {
             self.warnings.push(format!(
                 "{percent} % of the surface has no counterpart: nothing that faces the same way lies within {} mm; it is in \
                  no figure of deviation",
-                Short(self.radius_mm)
+                Rounded(self.radius_mm)
             ));
         }
         if self.deviation.is_none() {
-            let within = Short(self.radius_mm);
+            let within = Rounded(self.radius_mm);
             self.warnings.push(format!(
                 "no part of the surface has a counterpart within {within} mm: are the models in the same place and unit?"
-            ));
-        }
-        if is_beyond && self.deviation.is_some() {
-            self.warnings.push(format!(
-                "the Hausdorff distance is more than {} mm; a larger radius finds it",
-                Short(self.radius_mm)
             ));
         }
         if self.border.cells > 0 {
@@ -247,6 +281,35 @@ impl CompareReport {
                 Count(self.border.cells, "cell")
             ));
         }
+    }
+
+    /// A deviation for people, with more digits where it would read like a limit of the tolerance.
+    fn length(&self, mm: f64) -> String {
+        let text = Rounded(mm).to_string();
+        let limits = self.tolerance.map_or([f64::NAN; 2], |tolerance| [tolerance.lo, tolerance.hi]);
+        let reads_like = limits.iter().any(|limit| Rounded(*limit).to_string() == text);
+        if reads_like { Short(mm).to_string() } else { text }
+    }
+
+    /// Greatest distances for people; empty without any.
+    fn hausdorff_line(&self) -> String {
+        let Hausdorff { to_nominal, to_actual, within_mm, is_beyond } = self.hausdorff;
+        let way = |mm: Option<f64>, is_beyond: bool| {
+            let beyond = is_beyond.then(|| format!("more than {} mm", Rounded(self.radius_mm)));
+            beyond.or_else(|| mm.map(|mm| format!("{} mm", Rounded(mm))))
+        };
+        let (to, back) = (way(to_nominal, is_beyond[0]), way(to_actual, is_beyond[1]));
+        let ways = match (to, back) {
+            (None, None) => return String::new(),
+            (Some(to), None) => format!("one way, from ACTUAL to NOMINAL: {to}"),
+            (None, Some(back)) => format!("one way, from NOMINAL to ACTUAL: {back}"),
+            (Some(to), Some(back)) => format!("both ways: {to} and {back} back"),
+        };
+        let larger = if is_beyond.contains(&true) { "; a larger radius finds it" } else { "" };
+        format!(
+            "  Hausdorff distance, {ways}, at corners of cells, too; at most {} more between the places measured{larger}\n",
+            Rounded(within_mm)
+        )
     }
 
     /// The verdict, if a tolerance was given.
@@ -262,10 +325,10 @@ impl CompareReport {
             shown(actual),
             shown(nominal),
             Count(self.cells, "cell"),
-            Short(self.radius_mm)
+            Rounded(self.radius_mm)
         );
         if let Some(rms) = self.placement.rms_after {
-            let (before, after) = (Short(self.placement.rms_before.unwrap_or(0.0)), Short(rms));
+            let (before, after) = (Rounded(self.placement.rms_before.unwrap_or(0.0)), Rounded(rms));
             let _ = writeln!(
                 text,
                 "  fit: {}, {before} mm before, {after} mm after (RMS)",
@@ -276,29 +339,22 @@ impl CompareReport {
             let _ = writeln!(text, "  fit: {free} is free, and was held");
         }
         if let Some(d) = self.deviation {
-            let [mean, rms, p95, p99, min, max] = [d.mean, d.rms, d.p95, d.p99, d.min, d.max].map(Short);
+            let [mean, rms, p95, p99, min, max] =
+                [d.mean, d.rms, d.p95, d.p99, d.min, d.max].map(|mm| self.length(mm));
             let _ = writeln!(
                 text,
                 "  deviation (+ outside nominal): mean {mean}, RMS {rms}, 95 % within {p95}, 99 % within {p99}, from {min} to {max} mm"
             );
         }
-        if let Some(to_nominal) = self.hausdorff.to_nominal {
-            let back = self.hausdorff.to_actual.map(|mm| format!(" and {} mm back", Short(mm)));
-            let ways = if back.is_some() { "both ways" } else { "one way, from ACTUAL to NOMINAL" };
-            let (to, within) = (Short(to_nominal), Short(self.hausdorff.within_mm));
-            let _ = writeln!(
-                text,
-                "  Hausdorff distance, {ways}: {to} mm{}, at corners of cells, too; at most {within} more between the places measured",
-                back.unwrap_or_default()
-            );
-        }
+        text += &self.hausdorff_line();
         if let Some(t) = self.tolerance {
             let verdict = match t.verdict {
                 Verdict::Conforms => "conforms",
                 Verdict::DoesNotConform => "does not conform",
                 Verdict::Undecided => "undecided",
             };
-            let [inside, outside, none] = [t.inside, t.outside, t.undecided].map(|part| Short(100.0 * part));
+            let [inside, outside, none] =
+                [t.inside, t.outside, t.undecided].map(|part| Rounded(100.0 * part));
             let _ = writeln!(
                 text,
                 "  tolerance {}..{} mm: {verdict}; {inside} % inside, {outside} % outside, {none} % undecided",
@@ -307,7 +363,7 @@ impl CompareReport {
         }
         if let Some(u) = self.uncertainty {
             let [noise, model, median, percent] =
-                [u.sigma_noise_mm, u.model_mm, u.median_u95_mm, 100.0 * u.share].map(Short);
+                [u.sigma_noise_mm, u.model_mm, u.median_u95_mm, 100.0 * u.share].map(Rounded);
             let _ = writeln!(
                 text,
                 "  uncertainty: {median} mm in the median (95 %), by noise {noise} and by the models {model} (sigma); known on {percent} % of the area"
@@ -316,19 +372,18 @@ impl CompareReport {
                 let _ = writeln!(
                     text,
                     "  threshold: {} mm more (sigma), the same way for all cells",
-                    Short(common)
+                    Rounded(common)
                 );
             }
         }
         if !self.worst.is_empty() {
             text += "  worst places: deviation, place (LPS), area of their cells\n";
         }
-        for place in &self.worst {
-            let [x, y, z] = place.at_mm.map(Short);
-            let (d, area) = (Short(place.d_mm), Short(place.area_mm2));
-            let d = place.u_mm.map_or_else(|| d.to_string(), |u| format!("{d} +- {}", Short(u)));
-            let _ = writeln!(text, "    {d} mm at {x}, {y}, {z} mm, {area} mm2");
+        text.extend(self.worst.iter().map(|place| place.line(self.length(place.d_mm), self.radius_mm)));
+        if !self.lacking.is_empty() {
+            text += "  places of NOMINAL that ACTUAL lacks: distance, place (LPS), area of their cells\n";
         }
+        text.extend(self.lacking.iter().map(|place| place.line(self.length(place.d_mm), self.radius_mm)));
         for warning in &self.warnings {
             let _ = writeln!(text, "  note: {warning}");
         }

@@ -1,6 +1,7 @@
 //! The deviation of a cell of one model from the surface of the other.
 
 use crate::geom::{Affine, VoxelIndex};
+use crate::interior::extent;
 use crate::jobs::info::has_values;
 use crate::load::Model;
 use crate::measure::nearest::{Found, OctreeBox, Query, Search, Surface};
@@ -17,6 +18,10 @@ pub(super) struct Rule {
     pub(super) radius_mm: f64,
     /// Least cosine of the angle between the normals of a cell and its counterpart.
     pub(super) cosine: f64,
+    /// Distance from all surfaces at which a place deviates for certain; above the radius none does.
+    pub(super) far_mm: f64,
+    /// True if the other surface ends within its volume, so that nothing lies beyond it.
+    pub(super) is_whole: bool,
 }
 
 /// A cell that was measured.
@@ -30,7 +35,8 @@ pub(super) struct Row {
     pub(super) area_mm2: f64,
     /// True at the border of the volume, where the surface may be a cap of the build.
     pub(super) is_border: bool,
-    /// Distance of the nearest point, however it is turned: infinite beyond the radius; `None` at a border.
+    /// Distance of the nearest point, however it is turned: infinite beyond the radius; `None` at a border, and outside the
+    /// other's volume.
     pub(super) distance: Option<f64>,
     /// Positive outside; `None` without counterpart, and at the border.
     pub(super) value: Option<f64>,
@@ -42,6 +48,13 @@ impl Row {
     /// Half the 95 % interval of the value, in mm.
     pub(super) fn u95_mm(&self) -> Option<f64> {
         self.squares.map(|[noise, model]| SURE * (noise + model).sqrt())
+    }
+
+    /// What is kept of it: the deviation and half its 95 % interval, and without a counterpart the distance of the nearest
+    /// surface in place of the latter; NaN for none.
+    pub(super) fn kept(&self) -> [f64; 2] {
+        let second = if self.value.is_some() { self.u95_mm() } else { self.distance };
+        [self.value, second].map(|value| value.unwrap_or(f64::NAN))
     }
 }
 
@@ -111,6 +124,13 @@ pub(super) struct Measured<'a> {
 }
 
 impl Measured<'_> {
+    /// True if the surface ends within its volume: that of a mesh or a tree, clear of the border.
+    pub(super) fn is_whole(&self) -> bool {
+        let dims = self.surface.dims;
+        let clear = |[low, end]: [[u32; 3]; 2]| (0..3).all(|a| low[a] > 0 && end[a] < dims[a]);
+        matches!(self.doubt, Doubt::Grid(_)) && extent(self.surface.view).is_none_or(clear)
+    }
+
     /// The cell's row but for its deviation, and its normal in the world.
     pub(super) fn row(&self, number: u64, cell: [u32; 3], placement: &Affine) -> (Row, [f64; 3]) {
         let Surface { space, .. } = self.surface;
@@ -133,9 +153,24 @@ impl Rule {
         let distance = match &found {
             Some(found) if search.surface.is_border(found.point) => None,
             Some(found) => Some(found.distance()),
-            None => Some(f64::INFINITY),
+            None => self.is_covered(&search.surface, point).then_some(f64::INFINITY),
         };
         (found, distance)
+    }
+
+    /// True for a distance at which a place deviates for certain.
+    pub(super) fn is_far(&self, distance: Option<f64>) -> bool {
+        distance.is_some_and(|distance| distance.min(self.radius_mm) >= self.far_mm)
+    }
+
+    /// True for a place whose surroundings are in the other's volume.
+    fn is_covered(&self, surface: &Surface<'_>, point: [f64; 3]) -> bool {
+        let margin = self.far_mm.min(self.radius_mm);
+        let inside = |a: usize| {
+            let end = f64::from(surface.dims[a]) * surface.space.spacing[a];
+            (margin..=end - margin).contains(&point[a])
+        };
+        self.is_whole || (0..3).all(inside)
     }
 
     /// The deviation of a place, by its nearest point, which decides. Where its normal is turned away it is no counterpart,

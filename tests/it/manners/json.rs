@@ -82,12 +82,15 @@ fn every_report_is_what_its_schema_says() {
     let moved = ["--move", "1,0,0", "--threshold-sigma", "9", "--tolerance", "0.1", "--json"];
     let moved =
         oct(&[&["compare", &at("noisy.oct"), &at("noisy.oct"), "-o", &at("d.oct")], &moved[..]].concat());
+    let apart = ["--move", "12,0,0", "--radius", "8", "--both-ways", "--tolerance", "0.1", "--json"];
+    let apart = oct(&[&["compare", &at("ball.oct"), &at("ball.oct")], &apart[..]].concat());
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--uncertainty"])),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("compare", oct(&["compare", &at("m.oct"), &at("m.oct"), "--tolerance", "0.1", "--json"]).json()),
         ("compare", serde_json::from_str(&moved.stdout).unwrap()),
+        ("compare", serde_json::from_str(&apart.stdout).unwrap()),
         ("info", oct(&["info", &at("d.oct"), "--json"]).json()),
         ("thickness", oct(&["thickness", &at("m.oct"), "--thin", "900", "--json"]).json()),
         ("pores", oct(&["pores", &hollow, "--gap", "--json"]).json()),
