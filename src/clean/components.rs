@@ -363,6 +363,8 @@ impl<'l, 'a> Forward<'l, 'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
     pub(super) kept: u64,
+    /// Voxels of the largest dropped component.
+    pub(super) largest_dropped: u64,
     /// Voxels of dropped components, whose bits were changed.
     pub(super) changed: u64,
 }
@@ -395,8 +397,12 @@ impl Labelled<'_> {
                 for _ in next[LINKS]..end[LINKS] {
                     let fate = match links.next(&self.links)? {
                         FINISHED => {
-                            let kept = keep(Component::of_words(finished.next(&self.finished)?));
+                            let component = Component::of_words(finished.next(&self.finished)?);
+                            let kept = keep(component);
                             outcome.kept += u64::from(kept);
+                            if !kept {
+                                outcome.largest_dropped = outcome.largest_dropped.max(component.voxels);
+                            }
                             u8::from(kept)
                         }
                         link => later.get(u64::from(link))?,

@@ -380,6 +380,8 @@ pub struct CleanReport {
     pub components: u64,
     /// Components that were kept.
     pub kept: u64,
+    /// Voxels of the largest component that was dropped; 0 if none was.
+    pub largest_dropped: u64,
     /// Bytes of scratch files that the occupancy takes; lists of runs come on top.
     pub scratch_bytes: u64,
     /// Wall time.
@@ -564,6 +566,7 @@ impl<'a> CleanJob<'_, 'a> {
         report.components = labelled.census.components;
         let outcome = labelled.decide(&|component| rule.keeps(component))?;
         (report.kept, report.voxels_removed) = (outcome.kept, outcome.changed);
+        report.largest_dropped = outcome.largest_dropped;
         Ok(())
     }
 

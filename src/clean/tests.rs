@@ -161,16 +161,18 @@ fn check_labels(cells: &Cells, connectivity: ComponentConnectivity, inverted: bo
             })
             .unwrap();
         let mut want = cells.clone();
-        let mut changed = 0;
+        let (mut changed, mut dropped) = (0, vec![0; found.len()]);
         for (set, label) in want.set.iter_mut().zip(&labels) {
             if *label != usize::MAX && !keep(*label) {
                 *set = !*set;
                 changed += 1;
+                dropped[*label] += 1;
             }
         }
+        let largest_dropped = dropped.into_iter().max().unwrap_or(0);
         assert!(cells.load(&bits) == want, "{:?} {connectivity:?} {inverted} round {round}", cells.dims);
         let kept = (0..found.len()).filter(|label| keep(*label)).count() as u64;
-        assert_eq!(outcome, Outcome { kept, changed });
+        assert_eq!(outcome, Outcome { kept, largest_dropped, changed });
     }
 }
 

@@ -28,7 +28,7 @@ use crate::measure::nearest::Surface;
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::names::SURFACE;
-use crate::text::{Count, Short, data, shown};
+use crate::text::{Count, Rounded, Short, data, shown};
 
 use components::{Component, Components, Side, Sought};
 use gap::{LEFT_OUT, Notes};
@@ -429,9 +429,11 @@ impl PoresReport {
         for pore in self.largest.iter().take(SHOWN) {
             let [x, y, z] = pore.at_mm.map(|c| Short(c).to_string());
             let [volume, diameter, sphericity] =
-                [pore.volume_mm3, pore.equivalent_diameter_mm, pore.sphericity].map(|v| Short(v).to_string());
+                [pore.volume_mm3, pore.equivalent_diameter_mm, pore.sphericity]
+                    .map(|v| Rounded(v).to_string());
             let note = if pore.below_resolution { "  below the resolution" } else { "" };
-            let gap = pore.gap_mm.map(|gap| format!("  {} mm from outside", Short(gap))).unwrap_or_default();
+            let gap =
+                pore.gap_mm.map(|gap| format!("  {} mm from outside", Rounded(gap))).unwrap_or_default();
             let _ = writeln!(
                 text,
                 "  {:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {x}, {y}, {z}{gap}{note}",
@@ -446,11 +448,11 @@ impl PoresReport {
 
     fn head(&self) -> String {
         let input = shown(&self.input);
-        let solid = Short(self.solid_volume_mm3);
+        let solid = Rounded(self.solid_volume_mm3);
         let small = |what| {
             let mut text = String::new();
             if self.below_resolution > 0 {
-                let (below, mm) = (Count(self.below_resolution, what), Short(self.resolved_mm));
+                let (below, mm) = (Count(self.below_resolution, what), Rounded(self.resolved_mm));
                 let _ = writeln!(
                     text,
                     "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
@@ -463,8 +465,8 @@ impl PoresReport {
         };
         match (self.pores, self.porosity, self.pore_volume_mm3) {
             (Some(pores), porosity, Some(volume)) => {
-                let percent = Short(100.0 * porosity.unwrap_or(0.0));
-                let volume = Short(volume);
+                let percent = Rounded(100.0 * porosity.unwrap_or(0.0));
+                let volume = Rounded(volume);
                 format!(
                     "{input}: {}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
                     Count(pores, "pore"),

@@ -17,6 +17,8 @@ pub(crate) struct PlaceOut {
     pub(crate) number: u64,
     pub(crate) value: f64,
     pub(crate) at: [f64; 3],
+    /// True if that cell has no counterpart: the value is the distance of the nearest surface.
+    pub(crate) is_apart: bool,
     /// Half the 95 % interval of the value, if it is known.
     pub(crate) u95: Option<f64>,
     /// Cells, and their area.
@@ -30,7 +32,7 @@ impl PlaceOut {
     fn join(&mut self, other: &Self) {
         if other.rank > self.rank || other.rank == self.rank && other.number < self.number {
             (self.rank, self.number, self.value, self.at) = (other.rank, other.number, other.value, other.at);
-            self.u95 = other.u95;
+            (self.u95, self.is_apart) = (other.u95, other.is_apart);
         }
         self.cells += other.cells;
         self.area += other.area;
@@ -97,7 +99,17 @@ mod tests {
 
     fn one(number: u64, value: f64) -> PlaceOut {
         let at = [value; 3];
-        PlaceOut { rank: value.abs(), number, value, at, u95: None, cells: 1, area: 2.0, range: [at, at] }
+        PlaceOut {
+            rank: value.abs(),
+            number,
+            value,
+            at,
+            is_apart: false,
+            u95: None,
+            cells: 1,
+            area: 2.0,
+            range: [at, at],
+        }
     }
 
     #[test]

@@ -82,7 +82,10 @@ impl Distribution {
             sum += area;
             sum >= wanted
         })?;
-        Some(at as f64 * self.bin)
+        // A bin's middle may lie beyond all values.
+        let [one, other] = [self.least.abs(), self.most.abs()];
+        let least = if self.least * self.most > 0.0 { one.min(other) } else { 0.0 };
+        Some((at as f64 * self.bin).clamp(least, one.max(other)))
     }
 }
 
@@ -104,5 +107,8 @@ mod tests {
         }
         all.add(99.0, 100.0);
         assert_eq!(all.percentile(0.9), Some(10.0));
+        let mut one = Distribution::new(10.0, 0.5);
+        one.add(-1.0 / 3.0, 1.0);
+        assert_eq!(one.percentile(0.05), Some(1.0 / 3.0));
     }
 }

@@ -102,6 +102,8 @@ pub struct Cleaning {
     pub components: u64,
     /// Components kept.
     pub kept: u64,
+    /// Voxels of the largest component that was dropped; 0 if none was.
+    pub largest_dropped: u64,
     /// Size of the scratch files of cleaning.
     pub scratch_bytes: u64,
     /// Seconds of cleaning.
@@ -119,6 +121,7 @@ impl Cleaning {
             voxels_removed: r.voxels_removed,
             components: r.components,
             kept: r.kept,
+            largest_dropped: r.largest_dropped,
             scratch_bytes: r.scratch_bytes,
             seconds: r.seconds,
         }

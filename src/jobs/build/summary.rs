@@ -91,6 +91,10 @@ impl BuildSummary {
                 if r.components > 0 {
                     text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
                 }
+                if r.largest_dropped > 0 {
+                    let voxels = Count(r.largest_dropped, "voxel");
+                    text.push_str(&format!(", the largest of the others with {voxels}"));
+                }
             }
             text.push('\n');
         }

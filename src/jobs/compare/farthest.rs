@@ -51,7 +51,7 @@ impl Farthest {
             one.surface.facets(one.surface.cell_place(number, cell), |_, facet| {
                 facet.corners(|corner| {
                     let at_mm = rule.placement.apply(one.surface.space.to_world(corner));
-                    let (_, distance) = rule.nearest(&mut search, other.surface.space.to_frame(at_mm));
+                    let (_, (distance, _)) = rule.nearest(&mut search, other.surface.space.to_frame(at_mm));
                     greatest = distance.map_or(greatest, |distance| greatest.max(distance));
                     relief.step();
                 });

@@ -26,14 +26,14 @@ use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
 use crate::platform;
 use crate::progress::Progress;
-use crate::text::names::{BOTH_WAYS, ISO, UNCERTAINTY};
-use crate::text::{Short, data};
+use crate::text::names::{BOTH_WAYS, GRID, ISO, UNCERTAINTY};
+use crate::text::{Count, Short, data};
 
 use farthest::Farthest;
 pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
-use rule::{Doubt, Measured, Row, Rule};
+use rule::{Apart, Doubt, Measured, Row, Rule};
 use subject::{Input, refuse_unfit};
 
 /// Part of the nominal's diagonal within which counterparts are looked for.
@@ -183,7 +183,10 @@ impl CompareRequest {
             return Err(usage!("the standard deviation of the threshold must be 0 or more").into());
         }
         if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
-            return Err(usage!("the tolerance must rise from its lower to its upper limit").into());
+            return Err(usage!(
+                "the tolerance must rise from its lower to its upper limit; a single number must be 0 or more"
+            )
+            .into());
         }
         let columns = [0, 1, 2].map(|a| self.placement.column(a));
         let is_rigid = (0..3).all(|a| {
@@ -234,8 +237,8 @@ impl Job<'_> {
             let shown = [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN));
             records.add((row.at_mm, row.area_mm2), &row.kept(), shown)
         })?;
-        let (back, lacking) = self.way_back(&rule)?;
-        let distances = [farthest.distance_mm(&rule, &one, &other), back];
+        let back = self.way_back(&rule)?;
+        let distances = [farthest.distance_mm(&rule, &one, &other), back.distance_mm];
         let worst = match found.distribution.count() {
             0 => Vec::new(),
             _ => self.worst(&mut records, &rule, found.distribution.percentile(0.95))?,
@@ -244,7 +247,7 @@ impl Job<'_> {
             measured.model.check_unchanged(path)?;
         }
         records.finish::<2>((one.model, outputs.model), &self.quantity(&found), radius_mm, self.progress)?;
-        Ok(found.report(self, &rule, placement, distances, [worst, lacking]))
+        Ok(found.report(self, (placement, radius_mm), distances, worst, back))
     }
 
     /// Measures the cells of one model from the surface of the other.
@@ -297,33 +300,50 @@ impl Job<'_> {
         [self.one.model, self.other.model]
     }
 
-    /// The greatest distance of the nominal from the actual model, and where that lacks surface, if it is asked for.
-    fn way_back(&self, rule: &Rule) -> Result<(Option<f64>, Vec<Worst>), Error> {
+    /// The nominal measured from the actual model, if it is asked for.
+    fn way_back(&self, rule: &Rule) -> Result<Back, Error> {
+        let mut found = Back::default();
         let placement = rule.placement.inverse().filter(|_| self.request.both_ways);
-        let Some(placement) = placement else { return Ok((None, Vec::new())) };
+        let Some(placement) = placement else { return Ok(found) };
         let back = Rule { placement, is_whole: self.one.is_whole(), ..*rule };
         let (mut farthest, mut places) = (Farthest::default(), Places::default());
+        let mut apart = Apart::new(&self.one.surface, rule.radius_mm);
+        let mut area_mm2 = 0.0;
         self.progress.stage("comparing back", self.other.model.header().voxels);
         self.measure(&back, [self.other, self.one], |row| {
             farthest.add(row);
-            if let Some(distance) = row.distance.filter(|_| back.is_far(row.distance) && row.area_mm2 > 0.0) {
-                let there = Row { at_mm: rule.placement.apply(row.at_mm), ..*row };
-                places.add(row.cell, &PlaceOut::apart(&there, distance));
+            if row.is_border || row.area_mm2 <= 0.0 {
+                return Ok(());
+            }
+            area_mm2 += row.area_mm2;
+            if row.is_unknown {
+                found.unknown.cells += 1;
+                found.unknown.area_mm2 += row.area_mm2;
+            } else if back.is_far(row.distance) {
+                let mm = row.value.unwrap_or_else(|| apart.signed_mm(row.at_mm));
+                // Within the actual model the nominal's surface is covered.
+                if mm > 0.0 {
+                    let there = Row { at_mm: rule.placement.apply(row.at_mm), ..*row };
+                    places.add(row.cell, &PlaceOut::apart(&there, mm));
+                }
             }
             Ok(())
         })?;
-        Ok((farthest.distance_mm(&back, &self.other, &self.one), self.listed(places, rule)))
+        found.unknown.share = if area_mm2 > 0.0 { found.unknown.area_mm2 / area_mm2 } else { 0.0 };
+        found.distance_mm = farthest.distance_mm(&back, &self.other, &self.one);
+        found.lacking = self.listed(places);
+        Ok(found)
     }
 
     /// The places that are listed.
-    fn listed(&self, places: Places, rule: &Rule) -> Vec<Worst> {
-        let all = places.finish();
-        all.iter().take(self.request.worst).map(|place| Worst::of(place, rule.radius_mm)).collect()
+    fn listed(&self, places: Places) -> Vec<Worst> {
+        places.finish().iter().take(self.request.worst).map(Worst::of).collect()
     }
 
     /// The worst places: beyond the tolerance, or without one beyond the 95th percentile.
     fn worst(&self, records: &mut Records<'_>, rule: &Rule, p95: Option<f64>) -> Result<Vec<Worst>, Error> {
         let mut places = Places::default();
+        let mut apart = Apart::new(&self.other.surface, rule.radius_mm);
         let p95 = p95.unwrap_or(f64::INFINITY);
         let models = self.models();
         let mut relief = PageRelief::new(&models);
@@ -337,17 +357,19 @@ impl Job<'_> {
             };
             if is_out {
                 let (row, _) = self.one.row(number, cell, &rule.placement);
-                let place = match known {
-                    Some(distance) if value.is_nan() => PlaceOut::apart(&row, distance),
-                    u95 => PlaceOut { value, u95, ..PlaceOut::apart(&row, value.abs()) },
-                };
                 if row.area_mm2 > 0.0 {
-                    places.add(cell, &place);
+                    places.add(
+                        cell,
+                        &match value.is_nan() {
+                            true => PlaceOut::apart(&row, apart.signed_mm(row.at_mm)),
+                            false => PlaceOut { is_apart: false, u95: known, ..PlaceOut::apart(&row, value) },
+                        },
+                    );
                 }
             }
             relief.step();
         }
-        Ok(self.listed(places, rule))
+        Ok(self.listed(places))
     }
 
     /// Deviation, as a model carries it.
@@ -381,6 +403,17 @@ fn diagonal_mm(of: &Measured<'_>) -> f64 {
     dot(edges, edges).sqrt()
 }
 
+/// What the way back finds.
+#[derive(Default)]
+struct Back {
+    /// The greatest distance from the actual model.
+    distance_mm: Option<f64>,
+    /// Places that it lacks.
+    lacking: Vec<Worst>,
+    /// Surface beyond its volume.
+    unknown: Area,
+}
+
 /// Sums of a pass.
 #[derive(Default)]
 struct Found {
@@ -394,9 +427,10 @@ struct Found {
     within_mm2: f64,
     beyond_mm2: f64,
     doubtful_mm2: f64,
-    /// Cells beyond it, and doubtful ones.
+    /// Cells beyond it, doubtful ones, and those of the latter that are at sharp edges.
     beyond: u64,
     doubtful: u64,
+    edges: u64,
     /// Half the 95 % intervals, and sums by area of the squares that they are made of.
     intervals: Distribution,
     squares: [f64; 2],
@@ -456,19 +490,19 @@ impl Found {
         } else {
             self.doubtful_mm2 += row.area_mm2;
             self.doubtful += 1;
+            self.edges += u64::from(row.is_edge);
         }
     }
 
     fn report(
         mut self,
         job: &Job<'_>,
-        rule: &Rule,
-        placement: Placement,
+        (placement, radius_mm): (Placement, f64),
         distances: [Option<f64>; 2],
-        [worst, lacking]: [Vec<Worst>; 2],
+        worst: Vec<Worst>,
+        Back { lacking, unknown, .. }: Back,
     ) -> CompareReport {
-        // A place of the nominal has no surface near it that conforms.
-        let lacks = job.request.tolerance_mm.is_some() && rule.is_far(distances[1]);
+        let lacks = job.request.tolerance_mm.is_some() && !lacking.is_empty();
         if self.distribution.count() == 0 {
             // The models may be in different places.
             (self.doubtful, self.doubtful_mm2) = (self.without.cells, self.without.area_mm2);
@@ -482,7 +516,7 @@ impl Found {
             inside: share(self.within_mm2),
             outside: share(self.beyond_mm2),
             undecided: share(self.doubtful_mm2),
-            verdict: match (self.beyond, self.doubtful, self.distribution.count()) {
+            verdict: match (self.beyond, self.doubtful + unknown.cells, self.distribution.count()) {
                 (.., 0) => Verdict::Undecided,
                 _ if lacks => Verdict::DoesNotConform,
                 (0, 0, _) => Verdict::Conforms,
@@ -503,7 +537,7 @@ impl Found {
         let is_beyond = distances.map(|distance| distance == Some(f64::INFINITY));
         let mut report = CompareReport {
             inputs: job.paths.map(data),
-            radius_mm: rule.radius_mm,
+            radius_mm,
             placement,
             cells: self.cells,
             without_counterpart: self.without,
@@ -518,6 +552,7 @@ impl Found {
             tolerance,
             worst,
             lacking,
+            outside_volume: unknown,
             uncertainty,
             actual_grid_mm: None,
             nominal_grid_mm: None,
@@ -538,6 +573,14 @@ impl Found {
             report
                 .warnings
                 .push(format!("what ACTUAL lacks of NOMINAL is not looked for without {BOTH_WAYS}"));
+        }
+        if report.verdict() == Some(Verdict::Undecided) && self.edges > 0 {
+            report.warnings.push(format!(
+                "{} of the undecided ones {} at sharp edges, which cells cut off by up to half a voxel: build the mesh or tree on \
+                 a finer grid ({GRID}) to decide more of them",
+                Count(self.edges, "cell"),
+                if self.edges == 1 { "lies" } else { "lie" }
+            ));
         }
         report.warn();
         report

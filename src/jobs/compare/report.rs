@@ -32,12 +32,15 @@ pub struct CompareReport {
     pub hausdorff: Hausdorff,
     /// Verdict, if a tolerance was given.
     pub tolerance: Option<Tolerance>,
-    /// Worst places: connected cells beyond the tolerance, or without one beyond the 95th percentile; far from all of the
-    /// nominal first, the largest of these first.
+    /// Worst places: connected cells beyond the tolerance, or without one beyond the 95th percentile; of equal ones the
+    /// largest first.
     pub worst: Vec<Worst>,
     /// Places of the nominal that the actual model lacks, as the worst ones: nothing of it is within the tolerance and a
     /// cell's diagonal, or the radius; empty unless measured both ways.
     pub lacking: Vec<Worst>,
+    /// Cells of the nominal that lie beyond the actual model's volume, so that it is not known whether it lacks them;
+    /// measured both ways.
+    pub outside_volume: Area,
     /// Uncertainty of the deviations; null unless both models say how uncertain they are.
     pub uncertainty: Option<Uncertainty>,
     /// Spacing of the actual model, if it was built for the comparison.
@@ -180,7 +183,7 @@ pub enum Verdict {
 pub struct Worst {
     /// Its worst cell.
     pub at_mm: [f64; 3],
-    /// Deviation there; without a counterpart the distance of the nearest surface, or the radius, if there is none within it.
+    /// Deviation there; without a counterpart the distance of the nearest surface with the side as its sign, or the radius.
     pub d_mm: f64,
     /// True if the cell has a counterpart.
     pub has_counterpart: bool,
@@ -195,34 +198,41 @@ pub struct Worst {
 }
 
 impl Worst {
-    pub(super) fn of(place: &PlaceOut, radius_mm: f64) -> Self {
-        let PlaceOut { rank, value, at, u95, cells, area, range, .. } = *place;
-        let has_counterpart = !value.is_nan();
-        let d_mm = if has_counterpart { value } else { rank.min(radius_mm) };
-        Self { at_mm: at, d_mm, has_counterpart, u_mm: u95, area_mm2: area, cells, box_mm: range }
+    pub(super) fn of(place: &PlaceOut) -> Self {
+        let PlaceOut { value, at, is_apart, u95, cells, area, range, .. } = *place;
+        Self {
+            at_mm: at,
+            d_mm: value,
+            has_counterpart: !is_apart,
+            u_mm: u95,
+            area_mm2: area,
+            cells,
+            box_mm: range,
+        }
     }
 
     /// A line for people, with the deviation in words.
-    fn line(&self, d: String, radius_mm: f64) -> String {
+    fn line(&self, d: String) -> String {
         let [x, y, z] = self.at_mm.map(Short);
-        let d = match self.u_mm {
-            Some(u) => format!("{d} +- {}", Rounded(u)),
-            None if !self.has_counterpart && self.d_mm >= radius_mm => format!("more than {d}"),
-            None => d,
+        let d = self.u_mm.map_or_else(|| d.clone(), |u| format!("{d} +- {}", Rounded(u)));
+        let rest = match (self.has_counterpart, self.d_mm > 0.0) {
+            (true, _) => "",
+            (false, true) => ", outside without counterpart",
+            (false, false) => ", inside without counterpart",
         };
-        let rest = if self.has_counterpart { "" } else { ", no counterpart" };
         format!("    {d} mm at {x}, {y}, {z} mm, {} mm2{rest}\n", Rounded(self.area_mm2))
     }
 }
 
 impl PlaceOut {
-    /// A cell without a counterpart whose nearest surface has this distance, infinite beyond the radius.
-    pub(super) fn apart(row: &Row, distance: f64) -> Self {
+    /// A cell without a counterpart whose nearest surface has this distance, with the side as its sign.
+    pub(super) fn apart(row: &Row, value: f64) -> Self {
         Self {
-            rank: distance,
+            rank: value.abs(),
             number: row.number,
-            value: f64::NAN,
+            value,
             at: row.at_mm,
+            is_apart: true,
             u95: None,
             cells: 1,
             area: row.area_mm2,
@@ -273,6 +283,12 @@ impl CompareReport {
             let within = Rounded(self.radius_mm);
             self.warnings.push(format!(
                 "no part of the surface has a counterpart within {within} mm: are the models in the same place and unit?"
+            ));
+        }
+        if self.outside_volume.cells > 0 {
+            self.warnings.push(format!(
+                "{} % of NOMINAL lies beyond ACTUAL's volume: whether ACTUAL lacks it is not known",
+                Rounded(100.0 * self.outside_volume.share)
             ));
         }
         if self.border.cells > 0 {
@@ -379,11 +395,11 @@ impl CompareReport {
         if !self.worst.is_empty() {
             text += "  worst places: deviation, place (LPS), area of their cells\n";
         }
-        text.extend(self.worst.iter().map(|place| place.line(self.length(place.d_mm), self.radius_mm)));
+        text.extend(self.worst.iter().map(|place| place.line(self.length(place.d_mm))));
         if !self.lacking.is_empty() {
             text += "  places of NOMINAL that ACTUAL lacks: distance, place (LPS), area of their cells\n";
         }
-        text.extend(self.lacking.iter().map(|place| place.line(self.length(place.d_mm), self.radius_mm)));
+        text.extend(self.lacking.iter().map(|place| place.line(self.length(place.d_mm))));
         for warning in &self.warnings {
             let _ = writeln!(text, "  note: {warning}");
         }

@@ -38,8 +38,12 @@ pub(super) struct Row {
     /// Distance of the nearest point, however it is turned: infinite beyond the radius; `None` at a border, and outside the
     /// other's volume.
     pub(super) distance: Option<f64>,
+    /// True if the surface within [`Rule::far_mm`] is not known: it would be beyond the other's volume.
+    pub(super) is_unknown: bool,
     /// Positive outside; `None` without counterpart, and at the border.
     pub(super) value: Option<f64>,
+    /// True if its uncertainty is that of a sharp edge, which cells cut off.
+    pub(super) is_edge: bool,
     /// Squares of the standard deviations of the value by noise and by the models, in mm2; `None` if they are not known.
     pub(super) squares: Option<[f64; 2]>,
 }
@@ -99,18 +103,20 @@ impl<'a> Doubt<'a> {
         !matches!(self, Self::Unknown)
     }
 
-    /// Squares of the standard deviations of a place by noise and by the model, in mm2, where the deviation is so many mm.
-    fn squares_mm2(&self, surface: &Surface<'_>, place: OctreeBox, value: f64) -> Option<[f64; 2]> {
+    /// Squares of the standard deviations of a place by noise and by the model, in mm2, where the deviation is so many mm;
+    /// true for a sharp edge.
+    fn squares_mm2(&self, surface: &Surface<'_>, place: OctreeBox, value: f64) -> (Option<[f64; 2]>, bool) {
         match self {
             Self::Volume(uncertainty) => {
-                uncertainty.squares_mm2(surface.view, VoxelIndex::new(surface.cell(place.number)))
+                let cell = VoxelIndex::new(surface.cell(place.number));
+                (uncertainty.squares_mm2(surface.view, cell), false)
             }
             Self::Grid(edge) => {
                 let is_cut = value.abs() > AT_ONCE * edge && surface.is_at_edge(place);
                 let error = if is_cut { EDGE_ERROR } else { GRID_ERROR };
-                Some([0.0, (error * edge).powi(2)])
+                (Some([0.0, (error * edge).powi(2)]), is_cut)
             }
-            Self::Unknown => None,
+            Self::Unknown => (None, false),
         }
     }
 }
@@ -147,13 +153,21 @@ impl Measured<'_> {
 type Placed = ([f64; 3], [f64; 3]);
 
 impl Rule {
-    /// The nearest point of the other surface within the radius, and its distance as a [`Row`] has it.
-    pub(super) fn nearest(&self, search: &mut Search<'_>, point: [f64; 3]) -> (Option<Found>, Option<f64>) {
+    /// The nearest point of the other surface within the radius, and its distance as a [`Row`] has it, with true if none
+    /// is known.
+    pub(super) fn nearest(
+        &self,
+        search: &mut Search<'_>,
+        point: [f64; 3],
+    ) -> (Option<Found>, (Option<f64>, bool)) {
         let found = search.nearest(point, &Query::within(self.radius_mm));
         let distance = match &found {
-            Some(found) if search.surface.is_border(found.point) => None,
-            Some(found) => Some(found.distance()),
-            None => self.is_covered(&search.surface, point).then_some(f64::INFINITY),
+            Some(found) if search.surface.is_border(found.point) => {
+                (None, self.is_far(Some(found.distance())))
+            }
+            Some(found) => (Some(found.distance()), false),
+            None if self.is_covered(&search.surface, point) => (Some(f64::INFINITY), false),
+            None => (None, true),
         };
         (found, distance)
     }
@@ -213,14 +227,55 @@ impl Rule {
         let space = other.surface.space;
         let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
         let (nearest, distance) = self.nearest(search, place.0);
-        row.distance = distance;
+        (row.distance, row.is_unknown) = distance;
         let Some((value, found)) = nearest.and_then(|found| self.deviation(search, place, found)) else {
             return;
         };
         row.value = Some(value);
         let own_place = one.surface.cell_place(row.number, row.cell);
-        let own = one.doubt.squares_mm2(&one.surface, own_place, value);
-        let others = || other.doubt.squares_mm2(&other.surface, found.place, value);
-        row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
+        let (own, is_own_edge) = one.doubt.squares_mm2(&one.surface, own_place, value);
+        let (others, is_edge) = other.doubt.squares_mm2(&other.surface, found.place, value);
+        row.squares = own.zip(others).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
+        row.is_edge = is_own_edge || is_edge;
+    }
+}
+
+/// How far places are from a surface that have none within the radius. Some are asked for, the more seldom the more there
+/// are.
+pub(super) struct Apart<'a> {
+    search: Search<'a>,
+    radius_mm: f64,
+    seen: u64,
+    /// One place in so many is asked for.
+    step: u64,
+    /// Sign of the last distance.
+    sign: f64,
+}
+
+/// Places that are asked for before every second one is.
+const ASKED: u64 = 2048;
+
+impl<'a> Apart<'a> {
+    pub(super) fn new(surface: &Surface<'a>, radius_mm: f64) -> Self {
+        Self { search: surface.search(), radius_mm, seen: 0, step: 1, sign: 1.0 }
+    }
+
+    /// The distance of a row's place in mm, positive outside the solid; of one that is not asked for the radius, with the
+    /// sign of the place before.
+    pub(super) fn signed_mm(&mut self, at_mm: [f64; 3]) -> f64 {
+        self.seen += 1;
+        if self.seen % self.step != 0 {
+            return self.radius_mm * self.sign;
+        }
+        if self.seen / self.step == ASKED {
+            (self.seen, self.step) = (0, 2 * self.step);
+        }
+        let point = self.search.surface.space.to_frame(at_mm);
+        let Some(found) = self.search.nearest(point, &Query::within(f64::INFINITY)) else {
+            return self.radius_mm * self.sign;
+        };
+        let signed = self.search.signed(point, &found);
+        self.sign = signed.signum();
+        signed
     }
 }

@@ -149,7 +149,7 @@ fn thickness(model: &Model, body: &AnalyticVolume, by: Method, cells: u64) -> Re
         .collect();
     let (times, found) = seconds(|| {
         let mut search = surface.search();
-        let measured = chosen.iter().map(|(number, sample)| gauge.measure(&mut search, *number, sample));
+        let measured = chosen.iter().map(|(number, sample)| gauge.measure(&mut search, *number, sample).0);
         Ok(measured.collect::<Vec<_>>())
     })?;
     let mut off = Vec::new();

@@ -4,12 +4,14 @@
 //! length until no surface lies in it (Ma, Bae and Choi 2012, "3D medial axis point approximation using nearest
 //! neighbors and the normal field"); at a surface point this is the local thickness of Hildebrand and Rüegsegger 1997.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::cpu::Form;
 use crate::format::cell::CORNERS;
 use crate::geom::{VoxelIndex, dot};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::measure::nearest::{Query, Sample, Search, Surface};
-use crate::measure::uncertainty::Uncertainty;
+use crate::measure::uncertainty::{SURE, Uncertainty};
 use crate::render::ray::Ray;
 use crate::render::single::trace;
 use crate::render::surface::{Crossing, Passage, Surface as CellVolume};
@@ -26,6 +28,10 @@ const TOUCH_SIGMAS: f64 = 4.0;
 
 /// Most steps of a ball; one to four are usual.
 const MAX_STEPS: usize = 32;
+
+/// Depth in voxels below a cell's plane from which a ray may leave the solid through a face behind which there is no cell:
+/// planes of noisy cells do not meet at faces, and so far they are off.
+const NEAR: f64 = 0.5;
 
 /// Samples along a ray in a cell with corners, and halvings between two of them.
 const SAMPLES: usize = 8;
@@ -54,26 +60,39 @@ pub(in crate::jobs) struct Gauge<'a> {
 }
 
 impl<'a> Gauge<'a> {
-    /// The thickness below the surface in a cell, at its place.
-    pub(in crate::jobs) fn measure(&self, search: &mut Search<'a>, cell: u64, place: &Sample) -> Thickness {
+    /// The thickness below the surface in a cell, at its place, and by rays half its 95 % interval in mm, where the model
+    /// says how uncertain its places are.
+    pub(in crate::jobs) fn measure(
+        &self,
+        search: &mut Search<'a>,
+        cell: u64,
+        place: &Sample,
+    ) -> (Thickness, Option<f64>) {
         match (self.ray(place), self.by) {
-            (None, _) => Thickness::None,
-            (Some(length), Method::Ray) if length > self.max_mm => Thickness::Thicker,
-            (Some(length), Method::Ray) => Thickness::Of(length),
-            (Some(length), Method::Ball) => self.ball(search, cell, place, length),
+            (None, _) => (Thickness::None, None),
+            (Some(exit), Method::Ray) if exit.t > self.max_mm => (Thickness::Thicker, None),
+            (Some(exit), Method::Ray) => (Thickness::Of(exit.t), self.u95_mm(cell, &exit)),
+            (Some(exit), Method::Ball) => (self.ball(search, cell, place, exit.t), None),
         }
     }
 
-    /// Length of the ray against the normal to its exit from the solid; `None` if it has no exit, or leaves through a
+    /// Half the 95 % interval of the distance from a cell to another one.
+    fn u95_mm(&self, cell: u64, exit: &Hit) -> Option<f64> {
+        let (noise, view) = (self.noise?, self.surface.view);
+        let square = |cell| Some(noise.squares_mm2(view, VoxelIndex::new(cell))?.iter().sum::<f64>());
+        Some(SURE * (square(cell)? + square(exit.voxel(view)?)?).sqrt())
+    }
+
+    /// Where the ray against the normal leaves the solid, at the time in mm; `None` if it has no exit, or leaves through a
     /// cap of the build at the border of the volume.
-    fn ray(&self, place: &Sample) -> Option<f64> {
+    fn ray(&self, place: &Sample) -> Option<Hit> {
         let (view, spacing) = (self.surface.view, self.surface.space.spacing);
         let origin = std::array::from_fn(|a| place.point[a] / spacing[a]);
         let direction = std::array::from_fn(|a| -place.normal[a] / spacing[a]);
         let ray = Ray::new(view.depth(), origin, direction, 0.0).ok().flatten()?;
-        let leaving = Leaving { cells: view.cells()?, origin, direction };
-        let hit = trace(Form::best(), view, &leaving, &ray, 0).hit?;
-        (!self.surface.touches_border(hit.cell)).then_some(hit.t)
+        let leaving = Leaving { cells: view.cells()?, origin, direction, near: Mutex::new(None) };
+        let hit = trace(Form::best(), view, &leaving, &ray, 0).hit.or_else(|| leaving.near(None))?;
+        (!self.surface.touches_border(hit.cell)).then_some(hit)
     }
 
     /// Diameter of the largest ball that touches the place from within, at most `length`; none if a cap of the build at
@@ -107,14 +126,24 @@ impl<'a> Gauge<'a> {
 }
 
 /// The surface of cells for a ray that starts inside: the hit is where the ray leaves the solid.
+///
+/// A ray may leave a cell just below its plane through a face behind which all is outside, without a cell. That counts
+/// as an exit if the ray ends there, or next enters the solid again.
 struct Leaving<'a> {
     cells: CellItems<'a>,
     /// The ray in cells; its parameter is mm.
     origin: [f64; 3],
     direction: [f64; 3],
+    /// Such an exit, of the last cell on the way.
+    near: Mutex<Option<Hit>>,
 }
 
 impl Leaving<'_> {
+    /// Replaces the exit just below a plane; returns the one before.
+    fn near(&self, next: Option<Hit>) -> Option<Hit> {
+        std::mem::replace(&mut *self.near.lock().unwrap_or_else(PoisonError::into_inner), next)
+    }
+
     /// Place in a cell's own coordinates, -1 to 1.
     fn within(&self, cell: [u32; 3], t: f64) -> [f64; 3] {
         std::array::from_fn(|a| 2.0 * (self.origin[a] + t * self.direction[a] - f64::from(cell[a])) - 1.0)
@@ -131,9 +160,19 @@ impl CellVolume for Leaving<'_> {
             CellShape::Plane(plane) => {
                 let normal = plane.normal.map(f64::from);
                 let slope = 2.0 * dot(normal, self.direction);
-                let front = dot(normal, self.within(passage.cell, enter)) - f64::from(plane.offset);
-                let t = enter + (-front).max(0.0) / slope;
-                (slope > 0.0 && t <= leave).then_some(t)?
+                let front = |t| dot(normal, self.within(passage.cell, t)) - f64::from(plane.offset);
+                let before = front(enter);
+                if slope <= 0.0 {
+                    let left = self.near(None);
+                    return left.filter(|_| before > 0.0 && passage.enter.is_some());
+                }
+                let t = enter + (-before).max(0.0) / slope;
+                if t > leave {
+                    let is_near = -front(leave) <= NEAR * 2.0 * dot(normal, normal).sqrt();
+                    self.near(is_near.then(|| Hit { t: leave, ..passage.entry_hit(ray) }));
+                    return None;
+                }
+                t
             }
             CellShape::Corners(corners) => {
                 let value = |t: f64| interpolated(&corners, self.within(passage.cell, t));
@@ -145,6 +184,7 @@ impl CellVolume for Leaving<'_> {
                     None if passage.enter.is_some() && !inside(&0) && !inside(&SAMPLES) => {
                         (value(leave) < value(enter) && !(1..SAMPLES).any(|s| inside(&s))).then_some(enter)?
                     }
+                    None if inside(&SAMPLES) => return self.near(None).filter(|_| !inside(&0)),
                     None => return None,
                 }
             }

@@ -104,6 +104,7 @@ struct Row {
     at_mm: [f64; 3],
     area_mm2: f64,
     thickness: Thickness,
+    u95_mm: Option<f64>,
 }
 
 /// Measures the thickness below each cell of a model.
@@ -184,7 +185,8 @@ impl<'a> Job<'a> {
                 Thickness::Thicker => (gauge.max_mm, f64::NAN),
                 Thickness::None => (f64::NAN, f64::NAN),
             };
-            records.add((row.at_mm, row.area_mm2), &[kept], [shown, f64::NAN])
+            let u95 = row.u95_mm.unwrap_or(f64::NAN);
+            records.add((row.at_mm, row.area_mm2), &[kept], [shown, u95])
         })?;
         self.model.check_unchanged(self.path)?;
         let report = found.report(self);
@@ -215,7 +217,7 @@ impl Row {
         self.at_mm = surface.space.to_world(sample.point);
         self.area_mm2 = sample.area;
         if !surface.touches_border(self.cell) && sample.area > 0.0 {
-            self.thickness = gauge.measure(search, self.number, &sample);
+            (self.thickness, self.u95_mm) = gauge.measure(search, self.number, &sample);
         }
     }
 }
@@ -263,8 +265,17 @@ impl Found {
         if self.thin_mm.is_some_and(|thin| value < thin) {
             self.thin_mm2 += row.area_mm2;
             let (at, area, range) = (row.at_mm, row.area_mm2, [row.at_mm; 2]);
-            let place =
-                PlaceOut { rank: -value, number: row.number, value, u95: None, at, cells: 1, area, range };
+            let place = PlaceOut {
+                rank: -value,
+                number: row.number,
+                value,
+                is_apart: false,
+                u95: None,
+                at,
+                cells: 1,
+                area,
+                range,
+            };
             self.places.add(row.cell, &place);
         }
     }

@@ -8,7 +8,7 @@ use super::Method;
 use crate::jobs::compare::Area;
 use crate::measure::places::PlaceOut;
 use crate::measure::statistics::Distribution;
-use crate::text::{Count, Short, shown};
+use crate::text::{Count, Rounded, Short, shown};
 
 /// Thickness of the walls of a model. Lengths are in mm, areas in mm2, places in LPS mm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -107,14 +107,14 @@ impl ThinPlace {
 impl ThicknessReport {
     /// Report for people.
     pub fn text(&self) -> String {
-        let (by, most) = (self.by.name(), Short(self.max_mm));
+        let (by, most) = (self.by.name(), Rounded(self.max_mm));
         let mut text =
             format!("{}: {}, by {by}, up to {most} mm\n", shown(&self.input), Count(self.cells, "cell"));
         if let Some(t) = self.thickness {
-            let [mean, p5, p50, p95, min, max] = [t.mean, t.p5, t.p50, t.p95, t.min, t.max].map(Short);
+            let [mean, p5, p50, p95, min, max] = [t.mean, t.p5, t.p50, t.p95, t.min, t.max].map(Rounded);
             let of = match 1.0 - self.thicker.share - self.none.share {
                 _ if self.thicker.cells == 0 => String::new(),
-                share => format!(" of the {} % of the area that is no thicker", Short(100.0 * share)),
+                share => format!(" of the {} % of the area that is no thicker", Rounded(100.0 * share)),
             };
             let _ = writeln!(
                 text,
@@ -131,15 +131,15 @@ impl ThicknessReport {
                 text,
                 "  {what}: {}, {} % of the area",
                 Count(area.cells, "cell"),
-                Short(100.0 * area.share)
+                Rounded(100.0 * area.share)
             );
         }
         if let Some(thin) = &self.thin {
-            let [limit, area, share] = [thin.limit_mm, thin.area_mm2, 100.0 * thin.share].map(Short);
+            let [limit, area, share] = [thin.limit_mm, thin.area_mm2, 100.0 * thin.share].map(Rounded);
             let _ = writeln!(text, "  thinner than {limit} mm: {area} mm2, {share} % of the area");
             for place in &thin.places {
                 let [x, y, z] = place.at_mm.map(Short);
-                let [thickness, area] = [place.thickness_mm, place.area_mm2].map(Short);
+                let [thickness, area] = [place.thickness_mm, place.area_mm2].map(Rounded);
                 let _ = writeln!(text, "  {thickness} mm at {x}, {y}, {z} mm (LPS), {area} mm2");
             }
         }

@@ -61,6 +61,52 @@ fn plates_shells_and_tubes_are_as_thick_as_they_are() {
     }
 }
 
+/// Planes of noisy cells do not meet at their faces: no ray slips out between them, through the hollow and to the far side.
+/// The intervals hold what is true.
+#[test]
+fn rays_in_noise_leave_at_the_wall_that_they_reach_first() {
+    let (folder, side, middle) = (tempfile::tempdir().unwrap(), 72, 35.3);
+    for seed in 1..=3_u64 {
+        let mut random = seed;
+        let mut noise = || {
+            let mut unit = || {
+                random =
+                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (random >> 40) as f64 / (1_u64 << 24) as f64
+            };
+            (0..12).map(|_| unit()).sum::<f64>() - 6.0
+        };
+        let mut samples = Vec::new();
+        for at in 0..side * side * side {
+            let p = [at % side, at / side % side, at / side / side].map(|c| f64::from(c) - middle);
+            let depth = (30.0 - length(p)).min(length(p) - 22.0);
+            #[expect(clippy::cast_possible_truncation, reason = "samples in single precision")]
+            samples.push((1000.0 * (0.5 + depth / 1.6).clamp(0.0, 1.0) + 40.0 * noise()) as f32);
+        }
+        let dims = Dims::new(side, side, side).unwrap();
+        let at = |[x, y, z]: [u32; 3]| samples[((z * side + y) * side + x) as usize];
+        let volume = Voxels::from_fn(dims, at).placed(Affine::from_spacing([SPACING; 3]));
+        let threshold = Threshold::Iso(500.0);
+        let options = BuildOptions { threshold, uncertainty: true, ..Default::default() };
+        let [path, csv] = ["m.oct", "t.csv"].map(|name| folder.path().join(name));
+        crate::build(&volume, &options, &path).unwrap();
+        let outputs = ThicknessOutputs { model: None, csv: Some(&csv) };
+        let report = thickness(&path, &ThicknessRequest::default(), outputs, &Silent).unwrap();
+        assert_eq!((report.none.cells, report.thicker.cells), (0, 0), "{seed}");
+        assert!(report.cells > 15_000 && report.thickness.unwrap().max < 6.0, "{seed}: {report:?}");
+        let table = std::fs::read_to_string(&csv).unwrap();
+        let (mut known, mut held) = (0.0, 0.0);
+        for row in table.lines().skip(1) {
+            let columns: Vec<Option<f64>> = row.split(',').map(|column| column.parse().ok()).collect();
+            let (Some(thickness), Some(u95)) = (columns[3], columns[4]) else { continue };
+            known += 1.0;
+            held += f64::from(u8::from((thickness - 4.0).abs() <= u95));
+        }
+        let part = held / known;
+        assert!(known > 15_000.0 && (0.92..=1.0).contains(&part), "{seed}: {known} {part}");
+    }
+}
+
 #[test]
 fn results_do_not_depend_on_threads_and_flat_colours_are_those_of_the_values() {
     let folder = tempfile::tempdir().unwrap();

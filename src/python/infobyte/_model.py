@@ -138,7 +138,7 @@ class Model:
 
     A mapped file (the default of `open`) that was changed after it was opened gives an `InputError`, not a wrong picture;
     changed or cut short *while* a call reads it, it gives one at the end of the call. Open with `mmap=False` what should
-    stay usable whatever becomes of its file.
+    stay usable whatever becomes of its file; `view`, `export`, `pores`, `thickness` and `compare` read the file itself.
     """
 
     __slots__ = ("_handle", "_report", "_args")

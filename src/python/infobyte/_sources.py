@@ -153,7 +153,8 @@ def _pyvista_grid(grid: Any) -> Placed:
 def refuse_flat(dimensions: int, axes: str) -> None:
     if dimensions != 3:
         slice_of = "array[None]" if axes == "zyx" else "array[..., None]"
-        raise UsageError(f"an array of {dimensions} dimensions is not a volume; it needs three, a single slice as {slice_of}")
+        way = f"a single slice as {slice_of}" if dimensions < 3 else "one volume or channel as array[0] or array[..., 0]"
+        raise UsageError(f"an array of {dimensions} dimensions is not a volume; it needs three, {way}")
 
 
 def three_axes(samples: Any, axes: str) -> Any:

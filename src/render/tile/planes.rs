@@ -80,7 +80,7 @@ pub(super) fn packed_edge(edge_log2: u32) -> u64 {
 }
 
 /// [`packed`] positions within a brick.
-static PLACES: [u64; 64] = {
+pub(super) static PLACES: [u64; 64] = {
     let mut packed = [0; 64];
     let mut v = 0;
     while v < 64 {

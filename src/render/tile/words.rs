@@ -26,21 +26,27 @@ use crate::render::surface::Surface;
 
 use super::beam::{Beam, RAYS};
 use super::listed::Source;
-use super::planes::{packed, packed_edge};
+use super::planes::{PLACES as PACKED, Pairs, packed, packed_edge};
 use super::walk::Walk;
 
 /// Pairs that are compared together: results are the bits of two integers.
 const BATCH: usize = 64;
 
-/// Bits of a pair's word: the ray, then the position of the cell, two bits an axis, and the mark of a larger leaf.
+/// Pairs that are listed together, without a branch.
+const STEP: usize = 4;
+
+/// Bits of a pair's word: the ray, then the position of the cell, two bits an axis, the mark of a larger leaf, and the
+/// number of the position.
 const PLACE: u32 = 8;
 const LARGER: u32 = 1 << 14;
+const NUMBER: u32 = 16;
 
 /// Words of positions within a brick.
 static PLACES: [u32; 64] = {
     let mut words = [0; 64];
     let mut v = 0_u32;
     while v < 64 {
+        words[v as usize] = v << NUMBER;
         let mut axis = 0;
         while axis < 3 {
             words[v as usize] |= ((v >> axis & 1) | (v >> (axis + 2) & 2)) << (PLACE + 2 * axis);
@@ -51,17 +57,17 @@ static PLACES: [u32; 64] = {
     words
 };
 
-/// Pairs of a brick, a batch at a time. Memory: 1.2 KiB.
+/// Pairs of a brick, a batch at a time, one ray's after another's. Memory: 1.2 KiB.
 #[repr(align(64))]
 pub(super) struct Words {
     /// Planes at the positions of their cells, as in `Compared`, and words of the positions.
     at: [[u32; 2]; 64],
-    planes: [u32; BATCH],
-    pairs: [u32; BATCH],
-    /// Rays of the batch, with their first pair and number of pairs.
-    rays: [[u8; 3]; RAYS],
+    planes: [u32; BATCH + SINGLES],
+    pairs: [u32; BATCH + SINGLES],
     count: usize,
-    listed: usize,
+    /// Masks of each ray's first pair, and of its last one.
+    first: u64,
+    last: u64,
 }
 
 /// Affine functions of the pixel, by axis or by pair: at (0, 0), and their changes with x and y.
@@ -133,16 +139,16 @@ impl Words {
     pub(super) const fn new() -> Self {
         Self {
             at: [[0; 2]; 64],
-            planes: [0; BATCH],
-            pairs: [0; BATCH],
-            rays: [[0; 3]; RAYS],
+            planes: [0; BATCH + SINGLES],
+            pairs: [0; BATCH + SINGLES],
             count: 0,
-            listed: 0,
+            first: 0,
+            last: 0,
         }
     }
 
     fn clear(&mut self) {
-        (self.count, self.listed) = (0, 0);
+        (self.count, self.first, self.last) = (0, 0, 0);
     }
 
     /// Puts the planes of a brick at their positions, mirrored, from codes and offsets in stored order.
@@ -163,32 +169,51 @@ impl Words {
         }
     }
 
-    /// Adds the pairs of a ray and its boxes, at most [`LISTED`].
+    /// Adds the pairs of a ray and its boxes, from one to [`LISTED`] of them.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "below 64")]
     fn list(&mut self, ray: usize, boxes: u64) {
-        let first = self.count;
-        let mut boxes = boxes;
-        while boxes != 0 {
-            let [plane, word] = self.at[boxes.trailing_zeros() as usize % 64];
-            boxes &= boxes.wrapping_sub(1);
-            let at = self.count % BATCH;
-            (self.planes[at], self.pairs[at]) = (plane, word | ray as u32);
-            self.count = at + 1;
+        let (mut at, mut rest) = (self.count % BATCH, boxes);
+        self.first |= 1 << at;
+        self.count = at + boxes.count_ones() as usize;
+        self.last |= 1 << (self.count.wrapping_sub(1) % BATCH);
+        loop {
+            let planes = self.planes.get_mut(at..).and_then(<[u32]>::first_chunk_mut::<STEP>);
+            let pairs = self.pairs.get_mut(at..).and_then(<[u32]>::first_chunk_mut::<STEP>);
+            let (Some(planes), Some(pairs)) = (planes, pairs) else { return };
+            for i in 0..STEP {
+                let [plane, word] = self.at[rest.trailing_zeros() as usize % 64];
+                rest &= rest.wrapping_sub(1);
+                (planes[i], pairs[i]) = (plane, word | ray as u32);
+            }
+            if rest == 0 {
+                return;
+            }
+            at += STEP;
         }
-        self.rays[self.listed % RAYS] = [ray as u8, first as u8, (self.count - first) as u8];
-        self.listed += 1;
+    }
+
+    /// Of a mask of pairs, the first one of each ray.
+    ///
+    /// Where a pair is neither in the mask nor its ray's last, the complement has a 1: adding 1 at a ray's first pair
+    /// carries to the first one that is, and never on to the next ray.
+    #[inline(always)]
+    fn first_of_rays(&self, mask: u64) -> u64 {
+        let stops = mask | self.last;
+        (!stops).wrapping_add(self.first) & mask
     }
 
     /// Masks of the pairs that are not past, and of those within.
     #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "below 64")]
     fn compared<L: Lanes>(&self, l: L, lines: &Affines, any_larger: bool) -> [u64; 2] {
         let (mut past, mut within) = (0, 0);
         let groups = self.planes.as_chunks().0.iter().zip(self.pairs.as_chunks().0);
         for (group, (planes, pairs)) in groups.enumerate().take(self.count.div_ceil(SINGLES)) {
             let bits = compare(l, lines, planes, pairs, any_larger);
-            past |= u64::from(bits[0]) << (SINGLES * group);
-            within |= u64::from(bits[1]) << (SINGLES * group);
+            let shift = (SINGLES * group) as u32;
+            past |= u64::from(bits[0]).wrapping_shl(shift);
+            within |= u64::from(bits[1]).wrapping_shl(shift);
         }
         [!past, within]
     }
@@ -209,6 +234,23 @@ fn plane_word(code: [u8; 2], offset: u8, flip: u32) -> u32 {
         ((c ^ sign) - sign + 128).cast_unsigned()
     };
     turned(x, 0) | turned(y, 1) << 8 | turned(z, 2) << 16 | u32::from(offset ^ 0x80) << 24
+}
+
+impl Pairs {
+    /// Notes where the rays of pairs that are not sure go on by themselves; returns the rays.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
+    fn left_alone(&mut self, of_batch: u64) -> u64 {
+        let (mut rest, mut unsure) = (of_batch, 0_u64);
+        while rest != 0 {
+            let word = self.words.pairs[rest.trailing_zeros() as usize % BATCH];
+            rest &= rest.wrapping_sub(1);
+            let ray = word as usize % RAYS;
+            self.at[ray] = (word >> NUMBER & 63) as u8;
+            unsure |= 1 << ray;
+        }
+        unsure
+    }
 }
 
 impl<S: Surface, R: Source> Walk<'_, S, R> {
@@ -256,7 +298,9 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
                 }
             }
             let [open, within] = self.pairs.words.compared(beam.lanes, &lines, brick.larger != 0);
-            let (sure, unsure) = self.first_open(brick, (first, low), open, within);
+            let met_first = self.pairs.words.first_of_rays(open);
+            let sure = self.meet_planes_of(brick, (first, low), met_first & within);
+            let unsure = self.pairs.left_alone(met_first & !within);
             met |= sure;
             alone |= unsure;
         }
@@ -271,43 +315,26 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         *live &= !met;
     }
 
-    /// Notes the first open pair of each ray of a batch: rays that certainly meet its plane, and those that may.
+    /// Notes the planes of pairs that rays certainly meet first; returns the rays.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
-    fn first_open(
-        &mut self,
-        brick: &Brick,
-        (first, low): (u64, [u32; 3]),
-        open: u64,
-        within: u64,
-    ) -> (u64, u64) {
-        let (mut sure, mut unsure) = (0, 0);
+    fn meet_planes_of(&mut self, brick: &Brick, (first, low): (u64, [u32; 3]), of_batch: u64) -> u64 {
         let pairs = &mut *self.pairs;
         let corner = packed(low);
-        for [ray, start, count] in pairs.words.rays.iter().take(pairs.words.listed) {
-            let of_ray =
-                open.wrapping_shr(u32::from(*start)) & 1_u64.wrapping_shl(u32::from(*count)).wrapping_sub(1);
-            if of_ray == 0 {
-                continue;
-            }
-            let at = (usize::from(*start) + of_ray.trailing_zeros() as usize) % BATCH;
-            let (word, ray) = (pairs.words.pairs[at], usize::from(*ray) % RAYS);
-            let (x, y, z) = (word >> PLACE & 3, word >> (PLACE + 2) & 3, word >> (PLACE + 4) & 3);
-            let v = (x & 1) | (y & 1) << 1 | (z & 1) << 2 | (x & 2) << 2 | (y & 2) << 3 | (z & 2) << 4;
-            pairs.at[ray] = v as u8;
-            if within >> at & 1 == 0 {
-                unsure |= 1 << ray;
-                continue;
-            }
+        let (mut rest, mut sure) = (of_batch, 0_u64);
+        while rest != 0 {
+            let at = rest.trailing_zeros() as usize % BATCH;
+            rest &= rest.wrapping_sub(1);
+            let word = pairs.words.pairs[at];
+            let (ray, v) = (word as usize % RAYS, word >> NUMBER & 63);
             sure |= 1 << ray;
             let is_larger = word & LARGER != 0;
             self.hits.number[ray] =
                 if is_larger { brick.leaf(v).0 } else { first.wrapping_add(brick.before(v)) };
             pairs.planes[ray] = u64::from(pairs.words.planes[at]);
-            let within = u64::from(x) | u64::from(y) << 16 | u64::from(z) << 32;
-            pairs.lows[ray] = corner.wrapping_add(within) | packed_edge(u32::from(is_larger));
+            pairs.lows[ray] = corner.wrapping_add(PACKED[v as usize]) | packed_edge(u32::from(is_larger));
         }
-        (sure, unsure)
+        sure
     }
 
     /// Puts the planes of a brick and of its larger leaves at their positions; the brick's first cell is `first`.
@@ -340,7 +367,7 @@ mod tests {
     fn words_hold_planes_and_places() {
         for v in 0..64_u32 {
             let at = place(v);
-            assert_eq!(PLACES[v as usize], at[0] << 8 | at[1] << 10 | at[2] << 12);
+            assert_eq!(PLACES[v as usize], at[0] << 8 | at[1] << 10 | at[2] << 12 | v << 16);
         }
         for code in 0..=u16::MAX {
             let n = normal::decode_l1(code);

@@ -83,7 +83,7 @@ fn every_report_is_what_its_schema_says() {
     let moved =
         oct(&[&["compare", &at("noisy.oct"), &at("noisy.oct"), "-o", &at("d.oct")], &moved[..]].concat());
     let apart = ["--move", "12,0,0", "--radius", "8", "--both-ways", "--tolerance", "0.1", "--json"];
-    let apart = oct(&[&["compare", &at("ball.oct"), &at("ball.oct")], &apart[..]].concat());
+    let apart = oct(&[&["compare", &at("noisy.oct"), &at("noisy.oct")], &apart[..]].concat());
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--uncertainty"])),
