@@ -101,7 +101,7 @@ pub(crate) enum Command {
     /// Check the rays of this machine: random ones through a model, against a slow exact reference
     #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
-    /// Measure and plot speed and error of every setting, to choose one
+    /// Measure speed and error of all settings on known bodies, or a model's levels of detail
     #[command(after_help = examples::REPORT)]
     Report(ReportArgs),
     /// Print a script that completes commands, options and files in a shell

@@ -369,7 +369,7 @@ impl Measured {
             let _ = match enclosed.cavities {
                 0 => write!(volume, ", no cavities wider than a voxel"),
                 cavities => {
-                    write!(volume, ", without {cavities} voxels of air in cavities")
+                    write!(volume, ", without {cavities} voxels of air in cavities or behind narrow openings")
                 }
             };
         }

@@ -121,17 +121,22 @@ fn verdict(rows: &[Row], drawn: Drawn, voxel_mm: Option<f64>) -> Option<String> 
     let keep = if now > 0.0 {
         format!("Keep the default, which is off by {}", off(usual)?)
     } else {
-        "The default is what the others are measured by".into()
+        "The finest level is what the others are measured by".into()
     };
     let chosen = rows.iter().rfind(|row| !row.usual && rms(row).is_some_and(|rms| rms <= most));
     let Some(chosen) = chosen else {
         let others = rows.iter().filter(|row| !row.usual);
         let next = others.min_by(|a, b| rms(a).partial_cmp(&rms(b)).unwrap_or(Ordering::Equal))?;
-        return Some(format!(
-            "{keep}; no other setting comes within {HARDLY_SEEN} voxel of that, {} is off by {}.",
-            next.choice,
-            off(next)?
-        ));
+        let (next, off) = (&next.choice, off(next)?);
+        return Some(if now > 0.0 {
+            format!(
+                "{keep}; no other setting comes within {HARDLY_SEEN} voxel of that, {next} is off by {off}."
+            )
+        } else {
+            format!(
+                "These are levels of detail of one model, measured by its finest: {next} is off by {off}. Settings of builds are compared on synthetic bodies, whose surface is known."
+            )
+        });
     };
     let percent = |now: Option<f64>, before: Option<f64>| Some(100.0 * now? / before?);
     let bytes = percent(chosen.costs.values()[3], usual.costs.values()[3])?;

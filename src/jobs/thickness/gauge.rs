@@ -26,6 +26,10 @@ const TOUCH: f64 = 0.15;
 /// The same depth in standard deviations of the place by noise, where they are known and this is more.
 const TOUCH_SIGMAS: f64 = 4.0;
 
+/// Voxels within which, and least cosine of the normals with which, a place is a neighbour of the ball's own and does not
+/// make it smaller: in noise neighbours reach into balls by more than the depth above.
+const NEIGHBOUR: (f64, f64) = (1.5, 0.5);
+
 /// Most steps of a ball; one to four are usual.
 const MAX_STEPS: usize = 32;
 
@@ -101,6 +105,7 @@ impl<'a> Gauge<'a> {
         let squares = |noise: Uncertainty<'_>| noise.squares_mm2(self.surface.view, VoxelIndex::new(cell));
         let sigma = self.noise.and_then(squares).map_or(0.0, |[noise, _]| noise.sqrt());
         let touch = (TOUCH * self.surface.space.finest).max(TOUCH_SIGMAS * sigma);
+        let near = NEIGHBOUR.0 * self.surface.space.spacing.into_iter().fold(0.0, f64::max);
         let mut radius = length.min(self.max_mm) / 2.0;
         let (mut is_smaller, mut is_capped) = (length <= self.max_mm, false);
         for _ in 0..MAX_STEPS {
@@ -108,8 +113,15 @@ impl<'a> Gauge<'a> {
             if radius <= touch {
                 break;
             }
-            let Some(found) = search.nearest(middle, &Query::within(radius - touch)) else { break };
-            let way: [f64; 3] = std::array::from_fn(|a| place.point[a] - found.point[a]);
+            let within = Query::within(radius - touch);
+            let way_from = |point: [f64; 3]| std::array::from_fn(|a| place.point[a] - point[a]);
+            let Some(mut found) = search.nearest(middle, &within) else { break };
+            let mut way: [f64; 3] = way_from(found.point);
+            if dot(way, way) < near * near && dot(found.normal, place.normal) > NEIGHBOUR.1 {
+                let facing = Some((place.normal.map(|c| -c), -NEIGHBOUR.1));
+                let Some(other) = search.nearest(middle, &Query { facing, ..within }) else { break };
+                (found, way) = (other, way_from(other.point));
+            }
             let next = dot(way, way) / (2.0 * dot(way, place.normal));
             // A point of the place's own facet is ignored.
             if !(next > 0.0 && next < radius) {
