@@ -135,7 +135,10 @@ mod tests {
     fn measured_numbers_have_four_digits_and_all_before_the_point() {
         let numbers = [0.002_969_64, -1.234_56, 12_345.6, 100.0, 0.0, 1e-20, f64::INFINITY];
         let texts = numbers.map(|number| Rounded(number).to_string());
-        assert_eq!(texts, ["0.00297", "-1.235", "12346", "100", "0", "1.00000e-20", "inf"].map(str::to_owned));
+        assert_eq!(
+            texts,
+            ["0.00297", "-1.235", "12346", "100", "0", "1.00000e-20", "inf"].map(str::to_owned)
+        );
     }
 
     #[test]

@@ -264,7 +264,7 @@ impl<'a> Apart<'a> {
     /// sign of the place before.
     pub(super) fn signed_mm(&mut self, at_mm: [f64; 3]) -> f64 {
         self.seen += 1;
-        if self.seen % self.step != 0 {
+        if !self.seen.is_multiple_of(self.step) {
             return self.radius_mm * self.sign;
         }
         if self.seen / self.step == ASKED {

@@ -239,7 +239,6 @@ fn plane_word(code: [u8; 2], offset: u8, flip: u32) -> u32 {
 impl Pairs {
     /// Notes where the rays of pairs that are not sure go on by themselves; returns the rays.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
     fn left_alone(&mut self, of_batch: u64) -> u64 {
         let (mut rest, mut unsure) = (of_batch, 0_u64);
         while rest != 0 {
@@ -317,7 +316,6 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
 
     /// Notes the planes of pairs that rays certainly meet first; returns the rays.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
     fn meet_planes_of(&mut self, brick: &Brick, (first, low): (u64, [u32; 3]), of_batch: u64) -> u64 {
         let pairs = &mut *self.pairs;
         let corner = packed(low);
