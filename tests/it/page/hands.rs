@@ -242,11 +242,13 @@ fn a_page_is_used_without_a_mouse_and_read_aloud() {
 fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
     let folder = tempfile::tempdir().unwrap();
     let Some((mut page, path)) = shown_head(folder.path()) else { return };
-    for (size, is_phone) in [([390, 844], true), ([1200, 500], false), ([320, 480], true)] {
+    for (size, is_phone) in
+        [([390, 844], true), ([1200, 500], false), ([800, 600], false), ([320, 480], true)]
+    {
         page.size(size, is_phone);
         let ratio = if is_phone { 2 } else { 1 };
-        // On a phone the tools have two rows of their own, on a low page one.
-        let height = size[1] - if is_phone { 84 } else { 48 };
+        // On a phone and a narrow page the tools have two rows of their own, on a low one a row.
+        let height = size[1] - if size[0] <= 860 { 84 } else { 48 };
         page.until(&format!("canvas.width === {} && canvas.height === {}", ratio * size[0], ratio * height));
         page.whole();
         assert_eq!(page.ask("document.documentElement.scrollWidth <= innerWidth"), true, "{size:?}");
