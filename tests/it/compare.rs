@@ -251,6 +251,8 @@ fn parts_that_are_added_or_lacking_do_not_conform_and_are_placed() {
     assert!((number(place, "/box_mm/1/2") - 50.2).abs() < 1.0 && number(place, "/d_mm") > 18.0, "{place:#}");
     let text = oct(&both).stdout;
     assert!(text.contains("mm and more than 4 mm back") && text.contains("that ACTUAL lacks: "), "{text}");
+    // How many places are listed decides nothing.
+    assert_eq!(compared(&[&both[1..], &["--worst", "0"]].concat()).0, 6);
     // What it covers it does not lack; a place within it is inside.
     let (code, report) = compared(&[&[bossed.as_str(), &plain, "--both-ways"], &given[..]].concat());
     assert_eq!((code, &report["lacking"]), (6, &json!([])), "{report:#}");

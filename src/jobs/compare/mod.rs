@@ -323,6 +323,7 @@ impl Job<'_> {
                 let mm = row.value.unwrap_or_else(|| apart.signed_mm(row.at_mm));
                 // Within the actual model the nominal's surface is covered.
                 if mm > 0.0 {
+                    found.lacks = true;
                     let there = Row { at_mm: rule.placement.apply(row.at_mm), ..*row };
                     places.add(row.cell, &PlaceOut::apart(&there, mm));
                 }
@@ -408,7 +409,9 @@ fn diagonal_mm(of: &Measured<'_>) -> f64 {
 struct Back {
     /// The greatest distance from the actual model.
     distance_mm: Option<f64>,
-    /// Places that it lacks.
+    /// True if the actual model lacks a place, listed or not.
+    lacks: bool,
+    /// The worst of these places.
     lacking: Vec<Worst>,
     /// Surface beyond its volume.
     unknown: Area,
@@ -427,7 +430,7 @@ struct Found {
     within_mm2: f64,
     beyond_mm2: f64,
     doubtful_mm2: f64,
-    /// Cells beyond it, doubtful ones, and those of the latter that are at sharp edges.
+    /// Cells beyond it, doubtful ones, and doubtful ones at sharp edges.
     beyond: u64,
     doubtful: u64,
     edges: u64,
@@ -500,9 +503,9 @@ impl Found {
         (placement, radius_mm): (Placement, f64),
         distances: [Option<f64>; 2],
         worst: Vec<Worst>,
-        Back { lacking, unknown, .. }: Back,
+        Back { lacks, lacking, unknown, .. }: Back,
     ) -> CompareReport {
-        let lacks = job.request.tolerance_mm.is_some() && !lacking.is_empty();
+        let lacks = lacks && job.request.tolerance_mm.is_some();
         if self.distribution.count() == 0 {
             // The models may be in different places.
             (self.doubtful, self.doubtful_mm2) = (self.without.cells, self.without.area_mm2);

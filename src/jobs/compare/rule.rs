@@ -42,7 +42,7 @@ pub(super) struct Row {
     pub(super) is_unknown: bool,
     /// Positive outside; `None` without counterpart, and at the border.
     pub(super) value: Option<f64>,
-    /// True if its uncertainty is that of a sharp edge, which cells cut off.
+    /// True at a sharp edge, which cells cut off, so that it is less certain.
     pub(super) is_edge: bool,
     /// Squares of the standard deviations of the value by noise and by the models, in mm2; `None` if they are not known.
     pub(super) squares: Option<[f64; 2]>,
@@ -130,7 +130,7 @@ pub(super) struct Measured<'a> {
 }
 
 impl Measured<'_> {
-    /// True if the surface ends within its volume: that of a mesh or a tree, clear of the border.
+    /// True if the surface ends within its volume: for a mesh or a tree that is clear of the border.
     pub(super) fn is_whole(&self) -> bool {
         let dims = self.surface.dims;
         let clear = |[low, end]: [[u32; 3]; 2]| (0..3).all(|a| low[a] > 0 && end[a] < dims[a]);
