@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Once, PoisonError};
 use std::time::Duration;
 
@@ -44,48 +43,52 @@ impl Pace {
         (part > 0.0 && elapsed >= LEAST).then_some(of_stage + self.after * (elapsed.as_secs_f64() + of_stage))
     }
 
-    fn write(self, state: &ProgressState, out: &mut dyn fmt::Write) {
-        // A bar that cannot be written is drawn again.
-        let _drawn = match self.left_s(state.fraction().into(), state.elapsed()) {
-            Some(s) if s >= 100.0 => write!(out, "{:.0} min left", s / 60.0),
-            Some(s) => write!(out, "{s:.0} s left"),
-            None => Ok(()),
-        };
+    /// The remaining time in words; empty before there is a pace.
+    fn left(self, part: f64, elapsed: Duration) -> String {
+        match self.left_s(part, elapsed) {
+            Some(s) if s >= 100.0 => format!("{:.0} min left", s / 60.0),
+            Some(s) => format!("{s:.0} s left"),
+            None => String::new(),
+        }
     }
 }
 
 /// One bar, restarted for each stage.
 pub(crate) struct Bars {
-    bar: Option<Mutex<ProgressBar>>,
-    /// Steps done and all steps of the stage, printed line by line.
-    lines: Option<[AtomicU64; 2]>,
+    bar: Option<Mutex<(ProgressBar, Pace)>>,
+    /// True if each step is printed as a line of its own, as the bar does not show.
+    lines: bool,
 }
 
 impl Bars {
     pub(crate) fn new(silent: bool) -> Self {
         let shown = !silent && std::io::stderr().is_terminal();
-        Self { bar: shown.then(|| Mutex::new(ProgressBar::hidden())), lines: None }
+        Self { bar: shown.then(Self::hidden), lines: false }
+    }
+
+    fn hidden() -> Mutex<(ProgressBar, Pace)> {
+        Mutex::new((ProgressBar::hidden(), Pace::new("")))
     }
 
     /// Shows the progress of some work until its end.
     pub(crate) fn during<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
-        Self::show(Self::new(silent), work)
+        Self::new(silent).show(work)
     }
 
     /// As [`Bars::during`]; without a terminal a line for each step.
     pub(crate) fn or_lines<T>(silent: bool, work: impl FnOnce(&Self) -> T) -> T {
         let bars = Self::new(silent);
-        let lines = (!silent && bars.bar.is_none()).then(Default::default);
-        Self::show(Self { lines, ..bars }, work)
+        let lines = !silent && bars.bar.is_none();
+        Self { bar: bars.bar.or_else(|| lines.then(Self::hidden)), lines }.show(work)
     }
 
-    fn show<T>(bars: Self, work: impl FnOnce(&Self) -> T) -> T {
-        let done = work(&bars);
-        bars.with(|bar| bar.finish_and_clear());
+    fn show<T>(self, work: impl FnOnce(&Self) -> T) -> T {
+        let done = work(&self);
+        self.with(|(bar, _)| bar.finish_and_clear());
         done
     }
 
-    fn with(&self, work: impl FnOnce(&mut ProgressBar)) {
+    fn with(&self, work: impl FnOnce(&mut (ProgressBar, Pace))) {
         if let Some(bar) = &self.bar {
             work(&mut bar.lock().unwrap_or_else(PoisonError::into_inner));
         }
@@ -94,29 +97,34 @@ impl Bars {
 
 impl Progress for Bars {
     fn stage(&self, name: &'static str, total: u64) {
-        self.with(|bar| {
+        self.with(|(bar, pace)| {
             bar.finish_and_clear();
-            *bar = ProgressBar::new(total);
-            let pace = Pace::new(name);
-            let left = move |state: &ProgressState, out: &mut dyn fmt::Write| pace.write(state, out);
+            (*bar, *pace) = (ProgressBar::new(total), Pace::new(name));
+            let pace = *pace;
+            // A bar that cannot be written is drawn again.
+            let left = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+                drop(out.write_str(&pace.left(state.fraction().into(), state.elapsed())));
+            };
             let paced = style("{msg:10} [{bar:40}] {percent:>3} % {left}").with_key("left", left);
             bar.set_style(paced);
             bar.set_message(name);
+            if self.lines {
+                // On a closed stream the line is lost.
+                drop(writeln!(std::io::stderr(), "{name}: {total} steps"));
+            }
         });
-        if let Some([done, all]) = &self.lines {
-            done.store(0, Ordering::Relaxed);
-            all.store(total, Ordering::Relaxed);
-            // On a closed stream the line is lost.
-            drop(writeln!(std::io::stderr(), "{name}: {total} steps"));
-        }
     }
 
     fn advance(&self, steps: u64) {
-        self.with(|bar| bar.inc(steps));
-        if let Some([done, all]) = &self.lines {
-            let (done, all) = (done.fetch_add(steps, Ordering::Relaxed) + steps, all.load(Ordering::Relaxed));
-            drop(writeln!(std::io::stderr(), "  {done} of {all}"));
-        }
+        self.with(|(bar, pace)| {
+            bar.inc(steps);
+            if self.lines {
+                let (done, all) = (bar.position(), bar.length().unwrap_or_default());
+                let left = pace.left(done as f64 / all as f64, bar.elapsed());
+                let comma = if left.is_empty() { "" } else { ", " };
+                drop(writeln!(std::io::stderr(), "  {done} of {all}{comma}{left}"));
+            }
+        });
     }
 }
 

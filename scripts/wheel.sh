@@ -50,7 +50,7 @@ ZIG
         chmod +x "$work/zig$language"
     done
     # Small: LLVM inlines less unless it is told to; zstd has no compressors of other levels than ours, and one decoder.
-    export RUSTFLAGS="${RUSTFLAGS:-} -C llvm-args=--inline-threshold=100"
+    export RUSTFLAGS="${RUSTFLAGS:-} -C llvm-args=--inline-threshold=90"
     CFLAGS="${CFLAGS:-} -DDYNAMIC_BMI2=0 -DZSTD_FORCE_DECOMPRESS_SEQUENCES_SHORT"
     for strategy in DFAST GREEDY LAZY BTOPT BTULTRA; do
         CFLAGS="$CFLAGS -DZSTD_EXCLUDE_${strategy}_BLOCK_COMPRESSOR"

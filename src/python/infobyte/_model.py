@@ -326,12 +326,12 @@ class Model:
         return self.png(384, view="iso")
 
     @checked
-    def view(self, height: int = 480) -> View:
+    def view(self, height: int = 480, *, only: Label | Sequence[Label] | None = None) -> View:
         """The model in a cell of a notebook, to be turned, cut, picked and measured there.
 
         It is the page of `export('model.html')` in a frame `height` pixels high, which needs no server and no network; the
-        notebook keeps it, at about the size of the model's file. `display(model.view())` shows it within a cell, and
-        `model.view().html` is the page as text.
+        notebook keeps it, at about the size of the model's file. `only`: the labels to show, by number, range or name.
+        `display(model.view())` shows it within a cell, and `model.view().html` is the page as text.
 
         Raises `UsageError` for a model that a page does not hold, of more than 400 MiB or 255 labels; the command `oct view`
         shows those.
@@ -347,7 +347,7 @@ class Model:
         with tempfile.TemporaryDirectory(prefix="infobyte-") as folder:
             # The title is that of the file.
             page = os.path.join(folder, f"{title}.html")
-            self.export(page, "html")
+            self.export(page, "html", only=only)
             with open(page, encoding="utf-8") as file:
                 return View(file.read(), title, int(height))
 
