@@ -103,7 +103,7 @@ impl Progress for Bars {
             let pace = *pace;
             // A bar that cannot be written is drawn again.
             let left = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-                drop(out.write_str(&pace.left(state.fraction().into(), state.elapsed())));
+                let _drawn = out.write_str(&pace.left(state.fraction().into(), state.elapsed()));
             };
             let paced = style("{msg:10} [{bar:40}] {percent:>3} % {left}").with_key("left", left);
             bar.set_style(paced);

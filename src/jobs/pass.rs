@@ -13,6 +13,7 @@ use crate::budget::resident_bytes;
 use crate::error::Error;
 use crate::format::Quantity;
 use crate::load::Model;
+use crate::measure::nearest::Search;
 use crate::measure::write_values;
 use crate::platform;
 use crate::progress::Progress;
@@ -24,7 +25,7 @@ const CHUNK: usize = 4096;
 const RESIDENT_BYTES: u64 = 13 << 19;
 
 /// Most steps between two looks at the resident memory, and the growth to allow meanwhile.
-const MAX_STEPS: u64 = 512;
+const MAX_STEPS: u64 = 256;
 const GROWTH_BYTES: u64 = 256 << 10;
 
 /// Bytes of a table that are written at a time.
@@ -44,17 +45,19 @@ impl<'a> PageRelief<'a> {
         Self { models, resident: resident_bytes(), part: 1, left: 1 }
     }
 
-    /// To be called after each step of a pass: a cell, or a few.
+    /// To be called after each cell of a pass; `read` counts the places of the models that it asked for, each of which may
+    /// be on pages of its own.
     #[inline]
-    pub(super) fn step(&mut self) {
-        self.left -= 1;
+    pub(super) fn step(&mut self, read: u64) {
+        self.left = self.left.saturating_sub(1 + read);
         if self.left == 0 {
             self.look();
         }
     }
 
+    /// Gives pages back if there are many.
     #[cold]
-    fn look(&mut self) {
+    pub(super) fn look(&mut self) {
         let resident = resident_bytes();
         let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
         self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
@@ -79,22 +82,23 @@ impl Pass<'_> {
     ///
     /// # Errors
     /// An error of `each`; [`Error::Stopped`].
-    pub(super) fn run<W: Send, R: Send>(
+    pub(super) fn run<'s, R: Send>(
         &self,
-        workers: impl IntoIterator<Item = W>,
+        workers: impl IntoIterator<Item = Search<'s>>,
         row: impl Fn(u64, [u32; 3]) -> R,
-        work: impl Fn(&mut W, &mut R) + Sync,
+        work: impl Fn(&mut Search<'s>, &mut R) + Sync,
         mut each: impl FnMut(&R) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let Some(measured) = self.models.first() else { return Ok(()) };
         let mut cells = measured.voxels().places();
         platform::give_back();
-        let with_rows = |worker| (worker, PageRelief::new(self.models), Vec::with_capacity(CHUNK));
-        let mut workers: Vec<(W, PageRelief<'_>, Vec<R>)> = workers.into_iter().map(with_rows).collect();
-        let work = |(worker, relief, rows): &mut (W, PageRelief<'_>, Vec<R>)| {
+        let with_rows = |search| (search, PageRelief::new(self.models), Vec::with_capacity(CHUNK));
+        let mut workers: Vec<(Search<'s>, PageRelief<'_>, Vec<R>)> =
+            workers.into_iter().map(with_rows).collect();
+        let work = |(search, relief, rows): &mut (Search<'s>, PageRelief<'_>, Vec<R>)| {
             for row in rows {
-                work(worker, row);
-                relief.step();
+                work(search, row);
+                relief.step(search.take_read());
             }
         };
         loop {

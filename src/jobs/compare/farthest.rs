@@ -53,9 +53,10 @@ impl Farthest {
                     let at_mm = rule.placement.apply(one.surface.space.to_world(corner));
                     let (_, (distance, _)) = rule.nearest(&mut search, other.surface.space.to_frame(at_mm));
                     greatest = distance.map_or(greatest, |distance| greatest.max(distance));
-                    relief.step();
                 });
             });
+            // The next cell is elsewhere.
+            relief.look();
         }
         Some(greatest)
     }

@@ -281,7 +281,7 @@ impl Job<'_> {
         let models = self.models();
         let mut relief = PageRelief::new(&models);
         let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &mut || {
-            relief.step();
+            relief.step(0);
             self.progress.stopped()
         });
         let Some(found) = found.map_err(|fault| fault.at(self.paths[0]))? else {
@@ -368,7 +368,7 @@ impl Job<'_> {
                     );
                 }
             }
-            relief.step();
+            relief.step(apart.take_read());
         }
         Ok(self.listed(places))
     }

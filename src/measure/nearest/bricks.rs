@@ -8,7 +8,7 @@ use super::{Facet, OctreeBox, Surface};
 use crate::geom::BoxIndex;
 use crate::load::NodeView;
 
-/// Bricks that are kept: 4 x 4 x 4 neighbours have places of their own.
+/// Bricks that are kept: 4 x 4 x 4 neighbours have different places.
 const KEPT: usize = 64;
 
 /// Levels of a brick.
@@ -52,7 +52,7 @@ fn place_in(cell: [u32; 3]) -> u32 {
 }
 
 /// A brick.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Brick {
     /// Its low cell, in bricks.
     at: [u32; 3],
@@ -60,12 +60,25 @@ struct Brick {
     cells: u64,
     corners: u64,
     first: u64,
+    /// Cells before each place, for places with a cell.
+    ranks: [u8; 64],
     /// Number of the first facet of each cell, and of their end.
     starts: Vec<u16>,
     facets: Vec<(u8, Facet)>,
 }
 
 impl Brick {
+    /// A brick that is none of the grid.
+    const NOWHERE: Self = Self {
+        at: [u32::MAX; 3],
+        cells: 0,
+        corners: 0,
+        first: 0,
+        ranks: [0; 64],
+        starts: Vec::new(),
+        facets: Vec::new(),
+    };
+
     /// Decodes a brick, which may be empty.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 facets of 64 cells")]
     fn fill(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) {
@@ -85,6 +98,7 @@ impl Brick {
         while rest != 0 {
             let v = rest.trailing_zeros();
             rest &= rest - 1;
+            self.ranks[v as usize & 63] = self.starts.len() as u8;
             let place = self.place(v);
             self.starts.push(self.facets.len() as u16);
             if surface.has_corners(place) {
@@ -95,8 +109,10 @@ impl Brick {
         self.starts.push(self.facets.len() as u16);
     }
 
-    fn before(&self, v: u32) -> u32 {
-        (self.cells & ((1 << v) - 1)).count_ones()
+    /// Cells before a place with a cell.
+    #[inline]
+    fn before(&self, v: u32) -> u8 {
+        self.ranks[v as usize & 63]
     }
 
     /// The cell at a place.
@@ -109,7 +125,7 @@ impl Brick {
     /// The facets of a cell that is there.
     #[inline]
     fn facets(&self, v: u32) -> &[(u8, Facet)] {
-        let at = self.before(v) as usize;
+        let at = usize::from(self.before(v));
         let range =
             self.starts.get(at..at + 2).map_or(0..0, |ends| usize::from(ends[0])..usize::from(ends[1]));
         self.facets.get(range).unwrap_or_default()
@@ -128,20 +144,30 @@ pub(super) struct Kept<'b> {
 ///
 /// Memory: 200 KiB where most cells have planes.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Bricks(Vec<Brick>);
+pub(super) struct Bricks {
+    bricks: Vec<Brick>,
+    /// Bricks that were decoded since [`Bricks::take_filled`].
+    filled: u64,
+}
 
 impl Bricks {
     #[inline]
     fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) -> &Brick {
         let slot = (at[0] & 3 | (at[1] & 3) << 2 | (at[2] & 3) << 4) as usize;
-        if self.0.is_empty() {
-            self.0.resize(KEPT, Brick { at: [u32::MAX; 3], ..Brick::default() });
+        if self.bricks.is_empty() {
+            self.bricks.resize(KEPT, Brick::NOWHERE);
         }
-        let brick = &mut self.0[slot];
+        let brick = &mut self.bricks[slot];
         if brick.at != at {
+            self.filled += 1;
             brick.fill(surface, way, at);
         }
         brick
+    }
+
+    /// Bricks that were decoded since the last call.
+    pub(super) fn take_filled(&mut self) -> u64 {
+        std::mem::take(&mut self.filled)
     }
 
     /// A cell, if it is there.

@@ -105,8 +105,16 @@ impl Facet {
         let (slope, reach) = ([self.normal[u], self.normal[v]], self.normal[w].abs() * self.half[w]);
         // The plane stays within the box where its rise along u and v is near the offset.
         let slack = 1e-12 * self.half.iter().sum::<f64>();
-        let below = clip([[-a, -b], [a, -b], [a, b], [-a, b]], slope, self.offset + reach + slack);
-        (below.clip(slope.map(|c| -c), slack - (self.offset - reach)), [u, v, w])
+        let mut polygon = Polygon { count: 4, ..Polygon::default() };
+        polygon.corners[..4].copy_from_slice(&[[-a, -b], [a, -b], [a, b], [-a, b]]);
+        let rise = slope[0].abs() * a + slope[1].abs() * b;
+        if rise > reach + self.offset {
+            polygon = polygon.clip(slope, self.offset + reach + slack);
+        }
+        if rise > reach - self.offset {
+            polygon = polygon.clip(slope.map(|c| -c), slack - (self.offset - reach));
+        }
+        (polygon, [u, v, w])
     }
 
     /// The place on the plane with these coordinates along the first two axes.
@@ -146,13 +154,6 @@ pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 struct Polygon {
     corners: [[f64; 2]; 8],
     count: usize,
-}
-
-/// A rectangle where `slope . x <= most`.
-fn clip(corners: [[f64; 2]; 4], slope: [f64; 2], most: f64) -> Polygon {
-    let mut polygon = Polygon { count: 4, ..Polygon::default() };
-    polygon.corners[..4].copy_from_slice(&corners);
-    polygon.clip(slope, most)
 }
 
 impl Polygon {

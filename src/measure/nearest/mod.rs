@@ -165,7 +165,7 @@ impl<'a> Surface<'a> {
     /// True where a place of the frame lies in a cell at the border of the volume, whose surface may be a cap of the build.
     pub(crate) fn is_border(&self, at: [f64; 3]) -> bool {
         (0..3).any(|a| {
-            let cell = at[a] / self.space.spacing[a];
+            let cell = at[a] * self.space.per_mm[a];
             cell < 1.0 || cell >= f64::from(self.dims[a].saturating_sub(1))
         })
     }

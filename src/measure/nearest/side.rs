@@ -76,7 +76,7 @@ impl Search<'_> {
 impl Surface<'_> {
     /// The cell of the grid that a place of the frame lies in.
     pub(super) fn cell_at(&self, point: [f64; 3]) -> Option<[u32; 3]> {
-        let cell: [f64; 3] = std::array::from_fn(|a| point[a] / self.space.spacing[a]);
+        let cell: [f64; 3] = std::array::from_fn(|a| point[a] * self.space.per_mm[a]);
         let is_within = (0..3).all(|a| cell[a] >= 0.0 && cell[a] < f64::from(self.dims[a]));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the grid")]
         is_within.then(|| cell.map(|c| c as u32))

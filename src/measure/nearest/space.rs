@@ -16,6 +16,8 @@ pub(crate) struct Space {
     to_world: Affine,
     /// Edges of a cell, in mm.
     pub(crate) spacing: [f64; 3],
+    /// Cells in a mm along each axis.
+    pub(super) per_mm: [f64; 3],
     /// Least of them.
     pub(crate) finest: f64,
 }
@@ -50,7 +52,7 @@ impl Space {
             to_frame.rows[axis].iter_mut().for_each(|c| *c *= length);
             to_world.rows.iter_mut().for_each(|row| row[axis] /= length);
         }
-        Ok(Self { to_frame, to_world, spacing, finest: least })
+        Ok(Self { to_frame, to_world, spacing, per_mm: spacing.map(|edge| 1.0 / edge), finest: least })
     }
 
     /// A place of the world in the frame.

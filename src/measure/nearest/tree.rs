@@ -94,6 +94,8 @@ pub(crate) struct Search<'a> {
     bricks: Bricks,
     seed: Option<OctreeBox>,
     best: Best,
+    /// Nodes and cells that were read since [`Search::take_read`].
+    read: u64,
 }
 
 /// The nearest point so far.
@@ -111,7 +113,12 @@ impl<'a> Search<'a> {
         let finest = surface.space.finest;
         let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
         let (way, bricks) = (NodePath::new(&surface), Bricks::default());
-        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
+        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best, read: 0 }
+    }
+
+    /// Nodes, cells and bricks that were read since the last call: a measure of the pages that were asked for.
+    pub(crate) fn take_read(&mut self) -> u64 {
+        std::mem::take(&mut self.read) + self.bricks.take_filled()
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -206,7 +213,7 @@ impl<'a> Search<'a> {
         let end = f64::from(1_u32 << view.depth());
         let mut range = [[0; 3]; 2];
         for a in 0..3 {
-            let [first, last] = [point[a] - reach, point[a] + reach].map(|c| c / space.spacing[a]);
+            let [first, last] = [point[a] - reach, point[a] + reach].map(|c| c * space.per_mm[a]);
             if !(last >= 0.0 && first < end) {
                 return None;
             }
@@ -243,6 +250,7 @@ impl<'a> Search<'a> {
     /// Puts the children of a node that are near enough on the stack, the nearest last.
     #[inline]
     fn open(&mut self, place: OctreeBox, point: [f64; 3]) {
+        self.read += 1;
         let node = place.number.node();
         let infobyte = self.surface.view.infobyte(node);
         let first = self.surface.view.first_child(node);
@@ -280,6 +288,7 @@ impl<'a> Search<'a> {
     /// Asks the facets of a cell or a larger leaf.
     #[inline]
     fn ask(&mut self, place: OctreeBox, point: [f64; 3], query: &Query<'_>) {
+        self.read += 1;
         let surface = self.surface;
         if let Some(among) = query.among {
             let cell = surface.cell(place.number);
