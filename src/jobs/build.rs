@@ -255,8 +255,8 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     }
 }
 
-/// Ratio of the longest to the shortest spacing from which a surface shows steps.
-const UNEVEN: f64 = 3.0;
+/// Ratio of the longest to the shortest spacing from which a skin shows steps, and cells lose thin walls.
+const UNEVEN: [f64; 2] = [3.0, 6.0];
 
 /// Hints on other options: for a CT whose threshold was not chosen, for uneven spacing, and for axes in which nothing can
 /// be measured.
@@ -270,12 +270,17 @@ fn hints(
         .then_some(Hint::Bone { chosen: report.selection.lo });
     let spacing_mm = source.info().spacing_mm;
     let axis = (0..3).fold(0, |longest, a| if spacing_mm[a] > spacing_mm[longest] { a } else { longest });
-    // An axis of one voxel shows no steps, and neither do cells, which follow the samples.
+    // An axis of one voxel shows no steps.
     let sides = source.info().dims.to_array();
     let several = (0..3).filter(|a| sides[*a] > 1).map(|a| spacing_mm[a]);
     let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
-    let uneven = (surface == SurfaceKind::Skin && sides[axis] > 1 && times >= UNEVEN)
-        .then_some(Hint::Uneven { spacing_mm, axis, times });
+    let is_skin = surface == SurfaceKind::Skin;
+    let uneven = (sides[axis] > 1 && times >= UNEVEN[usize::from(!is_skin)]).then_some(Hint::Uneven {
+        is_skin,
+        spacing_mm,
+        axis,
+        times,
+    });
     let hints = bone.into_iter().chain(uneven).map(|hint| hint.to_string());
     let unfit = if surface == SurfaceKind::Cells { Space::new(&source.info().affine).err() } else { None };
     hints.chain(unfit.map(|fault| format!("`{COMPARE}` refuses this model: it {}", fault.text))).collect()

@@ -169,17 +169,19 @@ pub fn export(
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     refuse_input(input, output)?;
-    if !(request.labels.is_empty() || request.form.has_triangles() || request.form.is_mask()) {
+    let form = request.form;
+    if !(request.labels.is_empty() || form.has_triangles() || form.is_mask() || form == ExportForm::Html) {
         let fault = usage!(
-            "is of the form {}, which holds all labels; some alone are written as triangles or as a mask ({FORM})",
-            request.form.name()
+            "is of the form {}, which holds all labels; some alone are shown by a page in one file (html), or written as triangles or \
+             as a mask ({FORM})",
+            form.name()
         );
         return Err(fault.at(output).into());
     }
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
     if request.form.is_page() {
-        return export_page(input, output, request.form, progress);
+        return export_page(input, output, request, progress);
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
@@ -360,12 +362,18 @@ pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Pat
 /// Pixels along a side of the picture that a page shows where it cannot draw the model.
 pub(super) const STILL: u32 = 720;
 
-/// The picture of a page, as a PNG of so many pixels a side.
+/// The picture of a page, as a PNG of so many pixels a side, of the labels that the rules show.
 ///
 /// # Errors
 /// [`RenderError`](crate::render::RenderError).
-pub(super) fn still(model: &Model, side: u32, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
-    let request = RenderRequest { size: Some([side; 2]), ..RenderRequest::default() };
+pub(super) fn still(
+    model: &Model,
+    side: u32,
+    labels: &[LabelRule],
+    progress: &dyn Progress,
+) -> Result<Vec<u8>, Error> {
+    let request =
+        RenderRequest { size: Some([side; 2]), labels: labels.to_vec(), ..RenderRequest::default() };
     let (image, _) = picture_of(Path::new(""), model, &request, progress)?;
     let mut png = Vec::new();
     image.write_png_to(&mut png).map_err(|_| Error::Internal)?;
@@ -379,10 +387,10 @@ pub(super) fn still(model: &Model, side: u32, progress: &dyn Progress) -> Result
 fn export_page(
     input: &Path,
     output: &Path,
-    form: ExportForm,
+    request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<ExportReport, Error> {
-    let start = Instant::now();
+    let (start, form) = (Instant::now(), request.form);
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let is_linked = form == ExportForm::Linked;
     let model = if is_linked { Model::map(input)? } else { open_model(input)? };
@@ -405,7 +413,10 @@ fn export_page(
         return Err(fault.at(input).into());
     }
     let (dims, affine) = (model.dims(), model.affine());
-    let picture = still(&model, STILL, progress)?;
+    let wanted = labels::wanted(&model, input, request)?;
+    let hidden = model.frame().labels.iter().zip(wanted).filter(|(_, is_wanted)| !is_wanted);
+    let hidden: Vec<u16> = hidden.map(|(label, _)| label.number).collect();
+    let picture = still(&model, STILL, request.labels, progress)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
     let space = GridSpace::new(dims, &affine)?;
@@ -413,7 +424,8 @@ fn export_page(
     let name = input.file_name().map(|name| data(Path::new(name)));
     let (what, way) = match form {
         ExportForm::Linked => (Shown::Linked(name.as_deref()), Transport::Linked),
-        _ => (Shown::Model(&model, &space), Transport::File),
+        _ if hidden.is_empty() => (Shown::Model(&model, &space, String::new()), Transport::File),
+        _ => (Shown::Model(&model, &space, page::front_of(&model, &space, &hidden)), Transport::File),
     };
     page::write(&what, &title, &picture, way, &mut BufWriter::new(out.file())).map_err(unwritable)?;
     model.check_unchanged(input)?;

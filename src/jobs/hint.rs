@@ -17,6 +17,8 @@ pub(super) enum Hint {
     },
     /// Voxels are several times as long along one axis as along another.
     Uneven {
+        /// True for a skin of voxels, false for cells.
+        is_skin: bool,
         /// Distance of neighbouring voxels.
         spacing_mm: [f64; 3],
         /// The axis with the longest spacing.
@@ -52,13 +54,23 @@ impl fmt::Display for Hint {
                 Short(*chosen),
                 Preset::Bone.name()
             ),
-            Self::Uneven { spacing_mm, axis, times } => {
+            Self::Uneven { is_skin, spacing_mm, axis, times } => {
                 let [x, y, z] = spacing_mm.map(Short);
                 write!(
                     f,
-                    "voxels of {x} x {y} x {z} mm are {} times longer along {} than along their shortest side: surfaces across it look like stairs; `{SURFACE} cells` makes them smooth",
+                    "voxels of {x} x {y} x {z} mm are {} times longer along {} than along their shortest side: ",
                     Short((times * 10.0).round() / 10.0),
                     ["x", "y", "z"].get(*axis).unwrap_or(&"z")
+                )?;
+                if *is_skin {
+                    return write!(
+                        f,
+                        "surfaces across it look like stairs; `{SURFACE} cells` makes them smooth"
+                    );
+                }
+                f.write_str(
+                    "thin walls that slope across it fall into strips, and surfaces are off by tenths of the shortest \
+                     side; build a series of thinner slices if there is one",
                 )
             }
             Self::Size { longest_mm } => write!(

@@ -24,8 +24,10 @@ const CHUNK: usize = 4096;
 /// Resident memory beyond which pages of the models are given back.
 const RESIDENT_BYTES: u64 = 13 << 19;
 
-/// Most steps between two looks at the resident memory, and the growth to allow meanwhile.
-const MAX_STEPS: u64 = 256;
+/// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
+const MAX_STEPS: u64 = 512;
+/// Cells that a page elsewhere counts as.
+const PER_PAGE: u64 = 32;
 const GROWTH_BYTES: u64 = 256 << 10;
 
 /// Bytes of a table that are written at a time.
@@ -45,11 +47,10 @@ impl<'a> PageRelief<'a> {
         Self { models, resident: resident_bytes(), part: 1, left: 1 }
     }
 
-    /// To be called after each cell of a pass; `read` counts the places of the models that it asked for, each of which may
-    /// be on pages of its own.
+    /// To be called after each cell of a pass, with the pages elsewhere that it asked for.
     #[inline]
-    pub(super) fn step(&mut self, read: u64) {
-        self.left = self.left.saturating_sub(1 + read);
+    pub(super) fn step(&mut self, pages: u64) {
+        self.left = self.left.saturating_sub(1 + PER_PAGE * pages);
         if self.left == 0 {
             self.look();
         }
@@ -98,7 +99,7 @@ impl Pass<'_> {
         let work = |(search, relief, rows): &mut (Search<'s>, PageRelief<'_>, Vec<R>)| {
             for row in rows {
                 work(search, row);
-                relief.step(search.take_read());
+                relief.step(search.take_pages());
             }
         };
         loop {

@@ -32,6 +32,7 @@ use crate::format::{Channel, Label, Quantity, SectionKind, ValueColors};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
+use crate::render::walls::Hidden;
 use crate::text::{html, size_title};
 
 use data::Section;
@@ -54,6 +55,9 @@ const STREAM: &str = include_str!("stream.js");
 /// Degrees between the bottom and the top of the page's perspective pictures (`FOV` of camera.js).
 pub(crate) const FOV_DEG: f64 = 30.0;
 
+/// Height of the first view in heights of the model, as `camera.js` has it.
+const MARGIN: f64 = 1.06;
+
 /// Transport of a page to a browser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transport {
@@ -69,9 +73,9 @@ pub(crate) enum Transport {
 
 /// Content of a page.
 pub(crate) enum Shown<'a, D> {
-    Model(&'a Model<D>, &'a GridSpace),
-    /// A scene, by pictures of a server: its least and greatest corner in LPS mm, and its own view in the form that
-    /// pages write, empty for the front.
+    /// A model, and its first view in the form that pages write, empty for the front.
+    Model(&'a Model<D>, &'a GridSpace, String),
+    /// A scene, by pictures of a server: its least and greatest corner in LPS mm, and its own view.
     Scene([[f64; 3]; 2], String),
     /// The model of a file next to a linked page, or one named in the page's address.
     Linked(Option<&'a str>),
@@ -81,7 +85,7 @@ impl<D: AsRef<[u8]>> Shown<'_, D> {
     /// The title, with the size of a model.
     fn caption(&self, title: &str) -> String {
         match self {
-            Self::Model(model, space) => {
+            Self::Model(model, space, _) => {
                 size_title(title, |direction| space.support_of_inside(&model.view(), direction, None))
             }
             _ => title.to_owned(),
@@ -90,7 +94,7 @@ impl<D: AsRef<[u8]>> Shown<'_, D> {
 
     /// Classes of the page, which tell its scripts what to prepare while the model is loading.
     fn kind(&self, way: Transport) -> &'static str {
-        let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
+        let has_labels = matches!(self, Self::Model(model, ..) if !model.frame().labels.is_empty());
         match (way, has_labels) {
             (Transport::Pictures, true) => "asks",
             (Transport::Pictures, false) => "asks plain",
@@ -220,14 +224,14 @@ pub(crate) fn write<D: AsRef<[u8]>>(
 fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Transport, out: &mut dyn Write) -> io::Result<()> {
     let mut head = match shown {
         Shown::Linked(model) => return write_head(&serde_json::json!({ "model": model }), out),
-        Shown::Model(model, space) => Head::of(model, space),
+        Shown::Model(model, space, start) => Head { start, ..Head::of(model, space) },
         Shown::Scene(box_mm, start) => {
             let affine = Affine::from_spacing([1.0; 3]).rows;
             Head { box_mm: *box_mm, affine, start, ..Head::default() }
         }
     };
     head.served = way != Transport::File;
-    if let (Shown::Model(model, _), Transport::File | Transport::Served) = (shown, way) {
+    if let (Shown::Model(model, ..), Transport::File | Transport::Served) = (shown, way) {
         head.sections = data::write(model, out)?;
     }
     write_head(&head, out)
@@ -273,6 +277,24 @@ impl<'a> Head<'a> {
             ..Self::default()
         }
     }
+}
+
+/// The view from the front of some labels alone, in the form that pages write.
+pub(crate) fn front_of(model: &Model, space: &GridSpace, hidden: &[u16]) -> String {
+    let (view, of) = (model.view(), Hidden::of(hidden.iter().copied()));
+    let bounds = space.bounds_of_visible(&view, &of, &|| {});
+    let ends = [0, 1, 2].map(|axis| {
+        [-1.0, 1.0].map(|sign| {
+            let mut direction = [0.0; 3];
+            direction[axis] = sign;
+            sign * space.support_of_inside(&view, direction, Some((&of, bounds)))
+        })
+    });
+    let [x, y, z] = ends.map(|[low, high]| f64::midpoint(low, high));
+    let half =
+        MARGIN * [ends[0], ends[2]].map(|[low, high]| (high - low) / 2.0).into_iter().fold(0.0, f64::max);
+    let hidden: Vec<_> = hidden.iter().map(u16::to_string).collect();
+    format!("t={x},{y},{z}&h={half}&x={}", hidden.join(","))
 }
 
 fn script(way: Transport) -> String {

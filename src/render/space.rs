@@ -187,7 +187,12 @@ impl GridSpace {
             },
         };
         let bounds = shown.map_or_else(|| self.whole(), |(_, bounds)| bounds);
-        self.support_within(view, self.along(direction), (bounds, 0), Some(&reach))
+        let along = self.along(direction);
+        // The inside ends half a voxel beyond the outermost samples, which planes at the rim of a cut do not know.
+        let (weight, constant) = along;
+        let end = self.dims.to_array().map(|cells| f64::from(cells) - 0.5);
+        let most = (0..3).fold(constant, |most, a| most + (0.5 * weight[a]).max(end[a] * weight[a]));
+        self.support_within(view, along, (bounds, 0), Some(&reach)).min(most)
     }
 
     /// [`GridSpace::support`] of the cells with a label that is not hidden, exact for every size; `bounds` encloses them,

@@ -562,11 +562,37 @@ fn chosen_labels_are_as_among_all() {
         let due = if [2, 7].contains(label) { *label } else { 0 };
         assert_eq!(u16::from_le_bytes([stored[0], stored[1]]), due);
     }
+    // A page holds all labels, and shows these first, from the front.
+    let page = fs::read_to_string(written("some.html", &some, None).1).unwrap();
+    let head = page.split("id=\"head\">").nth(1).and_then(|rest| rest.split("</script>").next()).unwrap();
+    let head: serde_json::Value = serde_json::from_str(head).unwrap();
+    let start: Vec<_> = head["start"].as_str().unwrap().split('&').collect();
+    let hidden: Vec<u64> =
+        start[2].strip_prefix("x=").unwrap().split(',').map(|n| n.parse().unwrap()).collect();
+    let numbers = head["labels"].as_array().unwrap().iter().map(|label| label["number"].as_u64().unwrap());
+    assert!(numbers.eq(map.voxels().keys().map(|number| u64::from(*number))), "{head}");
+    assert!(
+        map.voxels().keys().map(|n| u64::from(*n)).filter(|n| ![2, 7].contains(n)).eq(hidden),
+        "{start:?}"
+    );
+    let numbers = |text: &str| -> Vec<f64> { text[2..].split(',').map(|n| n.parse().unwrap()).collect() };
+    let (low, high) = found.triangles.iter().flat_map(|(corners, _)| found.places(*corners)).fold(
+        ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
+        |(low, high), at| {
+            let at = at.map(|bits| f64::from(f32::from_bits(bits)));
+            (std::array::from_fn(|a| at[a].min(low[a])), std::array::from_fn(|a| at[a].max(high[a])))
+        },
+    );
+    let (middle, half) = (numbers(start[0]), numbers(start[1])[0]);
+    assert!((0..3).all(|a| (middle[a] - f64::midpoint(low[a], high[a])).abs() < 1.0), "{start:?}");
+    let reach = (high[0] - low[0]).max(high[2] - low[2]) / 2.0;
+    assert!((1.0..1.3).contains(&(half / reach)), "{half} {reach}");
     let m = text(&model);
     for (flags, told) in [
         (&["-o", "x.stl", "--only", "5"][..], "has no label 5"),
         (&["-o", "x.stl", "--only", "2", "--hide", "1..9"], "no label is left"),
-        (&["-o", "x.html", "--only", "2"], "holds all labels"),
+        (&["-o", "x.html", "--only", "5"], "has no label 5"),
+        (&["-o", "x.html", "--as", "linked", "--only", "2"], "holds all labels"),
         (&["--each", "x", "--only", "5"], "has no label 5"),
     ] {
         oct(&[&["export", &m][..], flags].concat()).refused(2, &[told]);

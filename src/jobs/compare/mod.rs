@@ -368,7 +368,7 @@ impl Job<'_> {
                     );
                 }
             }
-            relief.step(apart.take_read());
+            relief.step(apart.take_pages());
         }
         Ok(self.listed(places))
     }

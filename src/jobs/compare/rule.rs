@@ -260,9 +260,9 @@ impl<'a> Apart<'a> {
         Self { search: surface.search(), radius_mm, seen: 0, step: 1, sign: 1.0 }
     }
 
-    /// Places of the model that were asked for since the last call.
-    pub(super) fn take_read(&mut self) -> u64 {
-        self.search.take_read()
+    /// Pages elsewhere in the model that were read since the last call.
+    pub(super) fn take_pages(&mut self) -> u64 {
+        self.search.take_pages()
     }
 
     /// The distance of a row's place in mm, positive outside the solid; of one that is not asked for the radius, with the

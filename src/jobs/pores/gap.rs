@@ -107,7 +107,7 @@ impl Notes {
             let place = surface.cell_place(number, cell);
             ask(surface.sample(place).point);
             surface.facets(place, |_, facet| facet.corners(&mut ask));
-            relief.step(search.take_read());
+            relief.step(search.take_pages());
             if at % PART == 0 && progress.stopped() {
                 return Err(Error::Stopped);
             }

@@ -52,7 +52,7 @@ impl Bench<'_> {
             let choice = if bound == 0.0 { "cells".to_owned() } else { format!("{bound}") };
             rows.push(Self::row(subject, choice, bound == 0.0, costs, errors));
             if bound == SHOWN {
-                pictures.push((subject.to_owned(), still(&built.model, STILL, &Silent)?));
+                pictures.push((subject.to_owned(), still(&built.model, STILL, &[], &Silent)?));
             }
         }
         let reference = match body {

@@ -95,11 +95,11 @@ fn rows(experiments: &[Experiment], settings: [Setting; 5]) -> Vec<Row> {
     settings.into_iter().filter_map(measured).collect()
 }
 
-/// The middle value; the lower one of two.
+/// The middle value; the greater one of two.
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut all: Vec<f64> = values.collect();
     all.sort_by(f64::total_cmp);
-    all.get(all.len().saturating_sub(1) / 2).copied()
+    all.get(all.len() / 2).copied()
 }
 
 /// The default, and the cheapest setting that is hardly less accurate, with its gain, its cost, and what refuses it.

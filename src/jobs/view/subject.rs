@@ -67,7 +67,7 @@ impl Subject {
     pub(super) fn still(&self, side: u32) -> Result<Vec<u8>, Refused> {
         let failed = |error: Error| Refused::because(500, error);
         let still = match &self.what {
-            What::Model(model) => still(model, side, &Silent).map_err(failed),
+            What::Model(model) => still(model, side, &[], &Silent).map_err(failed),
             What::Scene(scene) => {
                 let request = RenderRequest { size: Some([side; 2]), threads: 1, ..RenderRequest::default() };
                 scene.picture(&request).map_err(failed).and_then(|image| png(&image))
@@ -89,7 +89,7 @@ impl Subject {
                 let is_large = model.header().file_bytes > page::MAX_BYTES
                     || model.frame().labels.len() > page::MAX_LABELS;
                 let way = if is_large { Transport::Pictures } else { Transport::Served };
-                page::write(&Shown::Model(model, &space), &title, &picture, way, out)?;
+                page::write(&Shown::Model(model, &space, String::new()), &title, &picture, way, out)?;
             }
             What::Scene(scene) => {
                 let shown = Shown::<&[u8]>::Scene(scene.extent().map_err(failed)?, scene.start());

@@ -94,6 +94,8 @@ impl Brick {
             (octants, infobytes) = (octants & (octants - 1), infobytes >> 8);
         }
         self.first = surface.view.first_child(below).get();
+        way.pages.read(1, below.get());
+        way.pages.read(0, self.first);
         let mut rest = self.cells;
         while rest != 0 {
             let v = rest.trailing_zeros();
@@ -144,30 +146,20 @@ pub(super) struct Kept<'b> {
 ///
 /// Memory: 200 KiB where most cells have planes.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Bricks {
-    bricks: Vec<Brick>,
-    /// Bricks that were decoded since [`Bricks::take_filled`].
-    filled: u64,
-}
+pub(super) struct Bricks(Vec<Brick>);
 
 impl Bricks {
     #[inline]
     fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) -> &Brick {
         let slot = (at[0] & 3 | (at[1] & 3) << 2 | (at[2] & 3) << 4) as usize;
-        if self.bricks.is_empty() {
-            self.bricks.resize(KEPT, Brick::NOWHERE);
+        if self.0.is_empty() {
+            self.0.resize(KEPT, Brick::NOWHERE);
         }
-        let brick = &mut self.bricks[slot];
+        let brick = &mut self.0[slot];
         if brick.at != at {
-            self.filled += 1;
             brick.fill(surface, way, at);
         }
         brick
-    }
-
-    /// Bricks that were decoded since the last call.
-    pub(super) fn take_filled(&mut self) -> u64 {
-        std::mem::take(&mut self.filled)
     }
 
     /// A cell, if it is there.

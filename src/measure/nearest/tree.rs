@@ -94,8 +94,6 @@ pub(crate) struct Search<'a> {
     bricks: Bricks,
     seed: Option<OctreeBox>,
     best: Best,
-    /// Nodes and cells that were read since [`Search::take_read`].
-    read: u64,
 }
 
 /// The nearest point so far.
@@ -113,12 +111,12 @@ impl<'a> Search<'a> {
         let finest = surface.space.finest;
         let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
         let (way, bricks) = (NodePath::new(&surface), Bricks::default());
-        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best, read: 0 }
+        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
     }
 
-    /// Nodes, cells and bricks that were read since the last call: a measure of the pages that were asked for.
-    pub(crate) fn take_read(&mut self) -> u64 {
-        std::mem::take(&mut self.read) + self.bricks.take_filled()
+    /// Pages of the model that were read since the last call, each time that they are not those read just before.
+    pub(crate) fn take_pages(&mut self) -> u64 {
+        std::mem::take(&mut self.way.pages.changed)
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -250,8 +248,8 @@ impl<'a> Search<'a> {
     /// Puts the children of a node that are near enough on the stack, the nearest last.
     #[inline]
     fn open(&mut self, place: OctreeBox, point: [f64; 3]) {
-        self.read += 1;
         let node = place.number.node();
+        self.way.pages.read(place.level, node.get());
         let infobyte = self.surface.view.infobyte(node);
         let first = self.surface.view.first_child(node);
         let (level, spacing) = (place.level - 1, self.surface.space.spacing);
@@ -288,8 +286,8 @@ impl<'a> Search<'a> {
     /// Asks the facets of a cell or a larger leaf.
     #[inline]
     fn ask(&mut self, place: OctreeBox, point: [f64; 3], query: &Query<'_>) {
-        self.read += 1;
         let surface = self.surface;
+        self.way.pages.read(place.level, place.number.get());
         if let Some(among) = query.among {
             let cell = surface.cell(place.number);
             let word = usize::try_from(cell / 64).ok().and_then(|at| among.get(at));
@@ -337,9 +335,31 @@ fn is_small([first, last]: [[u32; 3]; 2]) -> bool {
     (0..3).all(|a| (last[a] >> bricks::LEVELS) - (first[a] >> bricks::LEVELS) < MAX_BRICKS)
 }
 
+/// Pages of a model that were read last, level by level.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pages {
+    last: [u64; MAX_LEVELS],
+    /// How often a page was not the one read before.
+    changed: u64,
+}
+
+/// Base-2 logarithm of the boxes on a page: the system maps 64 KiB at once.
+const PER_PAGE: u32 = 15;
+
+impl Pages {
+    /// Counts the reading of a box of a level, by its number.
+    #[inline]
+    pub(super) fn read(&mut self, level: u32, number: u64) {
+        if let Some(last) = self.last.get_mut(level as usize) {
+            self.changed += u64::from(std::mem::replace(last, number >> PER_PAGE) != number >> PER_PAGE);
+        }
+    }
+}
+
 /// The boxes on the way from the root to a cell.
 #[derive(Clone, Debug)]
 pub(super) struct NodePath {
+    pub(super) pages: Pages,
     cell: [u32; 3],
     boxes: [BoxIndex; MAX_LEVELS],
     /// The lowest level of which the box is known.
@@ -351,7 +371,13 @@ impl NodePath {
     fn new(surface: &Surface<'_>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
         let depth = surface.view.depth().min(MAX_LEVELS as u32 - 1);
-        Self { cell: [0; 3], boxes: [BoxIndex::ROOT; MAX_LEVELS], reached: depth, depth }
+        Self {
+            pages: Pages::default(),
+            cell: [0; 3],
+            boxes: [BoxIndex::ROOT; MAX_LEVELS],
+            reached: depth,
+            depth,
+        }
     }
 
     /// Follows the way to a cell of the grid, from where it parts from the one before, to the box of a level.
@@ -368,7 +394,9 @@ impl NodePath {
             level -= 1;
             let high = cell.map(|c| c >> level & 1);
             let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
-            *self.boxes.get_mut(level as usize)? = surface.view.child(place.number.node(), octant)?;
+            let node = place.number.node();
+            self.pages.read(level + 1, node.get());
+            *self.boxes.get_mut(level as usize)? = surface.view.child(node, octant)?;
         }
     }
 

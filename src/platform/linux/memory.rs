@@ -1,5 +1,8 @@
 //! Memory that the operating system accounts to this process.
 
+use std::fs::File;
+use std::sync::OnceLock;
+
 use super::FileExt;
 
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
@@ -13,11 +16,15 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
-/// As [`current_rss_bytes`] at less cost, some 2 us: pages of `/proc/self/statm`, taken as 4 KiB; 0 where the system
-/// does not tell. For larger pages it is too low, and a cap that is kept by it is exceeded.
+/// As [`current_rss_bytes`] at less cost, below 1 us: pages of `/proc/self/statm`, which stays open, taken as 4 KiB; 0
+/// where the system does not tell. For larger pages it is too low, and a cap that is kept by it is exceeded.
 pub(crate) fn resident_bytes() -> u64 {
-    let statm = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
-    let pages = statm.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0);
+    static STATM: OnceLock<Option<File>> = OnceLock::new();
+    let statm = STATM.get_or_init(|| File::open("/proc/self/statm").ok());
+    let mut text = [0; 64];
+    let length = statm.as_ref().and_then(|statm| statm.read_at(&mut text, 0).ok()).unwrap_or(0);
+    let text = std::str::from_utf8(text.get(..length).unwrap_or_default()).unwrap_or_default();
+    let pages = text.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0);
     pages.saturating_mul(4096)
 }
 

@@ -99,7 +99,7 @@ def build(
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
-      included. `names`: their names by number, or the path of a table as `oct build --names` takes it: CSV or TSV
+      included. `names`: their names by number, `'totalsegmentator'`, `'freesurfer'`, or the path of a table as `oct build --names` takes it: CSV or TSV
       with columns `label`, `name` and, where colours are given, `color` (`#rrggbb`). `keep_names`: as the flag.
       `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel. Labels are stored as cells.
     - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours

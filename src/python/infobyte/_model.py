@@ -581,7 +581,9 @@ def _refuse_no_triangles(count: int | None) -> None:
 
 
 def _labels(labels: Label | Sequence[Label] | None) -> list[str] | None:
-    return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, (str, int)) else labels)]
+    if isinstance(labels, str):
+        return [label.strip() for label in labels.split(",")]
+    return None if labels is None else [str(label) for label in ([labels] if isinstance(labels, int) else labels)]
 
 
 def bytes_of(memory: int | str) -> int:

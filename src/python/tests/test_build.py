@@ -136,6 +136,8 @@ def test_triangles_of_some_labels():
     assert 0 < (array == 9).sum() - right < 0.5 * 4 * (8 + 16 + 12)
     assert np.array_equal(left.faces, both.faces[: len(left.faces)]) and len(np.unique(left.vertex_colors, axis=0)) == 1
     assert model.export("left.stl", only="left")["triangles"] == len(left.faces)
+    assert np.array_equal(model.to_mesh(only="left, right").faces, both.faces)
+    assert "&x=9\"" in model.view(only="left").html and "&x=" not in model.view().html
     few = model.to_mesh(only=["left"], triangles=60)
     assert len(few.faces) == model.export("left.glb", only=["left"], triangles=60)["triangles"] <= 60 < len(left.faces)
     assert 8 <= len(model.to_mesh(only=["7..9"], triangles=60).faces) <= 60

@@ -373,7 +373,7 @@ impl<'a> Reader<'a> {
             (self.unprinted, "items that are marked as not to be printed"),
         ];
         for (count, what) in left_out.into_iter().filter(|(count, _)| *count > 0) {
-            self.lack(format!("has {count} {what}, which were left out"));
+            self.lack(format!("has {what}, {count} in all, which are left out"));
         }
         let (triangles, _) = self.triangles.finish()?;
         let laid = |(stated, image): (TextureResource, Arc<Image>)| {
