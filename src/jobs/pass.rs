@@ -22,12 +22,12 @@ use crate::progress::Progress;
 const CHUNK: usize = 4096;
 
 /// Resident memory beyond which pages of the models are given back.
-const RESIDENT_BYTES: u64 = 13 << 19;
+const RESIDENT_BYTES: u64 = 25 << 18;
 
 /// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
 const MAX_STEPS: u64 = 512;
 /// Cells that a page elsewhere counts as.
-const PER_PAGE: u64 = 32;
+const PER_PAGE: u64 = 64;
 const GROWTH_BYTES: u64 = 256 << 10;
 
 /// Bytes of a table that are written at a time.
