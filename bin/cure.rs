@@ -1,12 +1,13 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 27] = [
+const OTHERWISE: [(&str, &str); 28] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
     ("anyway", "--measure"),
     ("form", "--as"),
+    ("label_names", "--names"),
     ("origin_mm", "--origin"),
     ("replace", "--force"),
     ("scalar", "--dtype"),

@@ -48,8 +48,8 @@ pub(crate) struct BuildArgs {
     pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
-    /// Build the cells between the labels of a label map (a segmentation), in one model: all labels, or numbers and ranges as
-    /// 1,5,7..20
+    /// Build the cells between the labels of a label map (a segmentation), in one model: all labels, or numbers, ranges
+    /// and names as 1,5,7..20,liver
     #[arg(long, value_name = "all|LIST", group = "selection")]
     pub(crate) labels: Option<LabelChoice>,
     /// Names and colours of labels: totalsegmentator (version 2), freesurfer, or a table: a TSV or CSV with a header,

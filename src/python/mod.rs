@@ -25,10 +25,11 @@ use pyo3::prelude::*;
 use crate::text::spell;
 
 /// Names of options and functions of the Python package that differ from the library's.
-const OTHERWISE: [(&str, &str); 16] = [
+const OTHERWISE: [(&str, &str); 17] = [
     ("GridChoice::Voxel", "voxel"),
     ("Threshold::Iso", "iso"),
     ("Threshold::Range", "range"),
+    ("label_names", "names"),
     ("origin_mm", "origin"),
     ("scalar", "dtype"),
     ("spacing_mm", "spacing"),

@@ -69,6 +69,7 @@ names! {
     MEASURE = "anyway",
     MEMORY = "memory",
     MIN_SLICES = "min_slices",
+    NAMES = "label_names",
     ORIENTATION = "orientation",
     ORIGIN = "origin_mm",
     OUT = "out",

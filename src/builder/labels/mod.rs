@@ -30,8 +30,8 @@ use crate::format::{
     WALL_BYTES,
 };
 use crate::geom::Dims;
-use crate::text::Short;
-use crate::text::names::{ISO, PRESET, RANGE};
+use crate::text::names::{ISO, NAMES, PRESET, RANGE};
+use crate::text::{Short, nearest, shown};
 use crate::volume::{SourceError, StatedLabel, VolumeSource};
 
 use crate::fault::{Fault, bad, unfit, usage};
@@ -47,19 +47,63 @@ pub enum LabelChoice {
     All,
     /// Numbers in these ranges, both ends included.
     Only(Vec<[u16; 2]>),
+    /// Numbers and ranges as text, and names of the table or of the input, in any case of letters.
+    Named(Vec<String>),
+}
+
+/// The range that a number or a range stands for.
+fn range_of(text: &str) -> Option<[u16; 2]> {
+    let number = |text: &str| text.trim().parse().ok().filter(|n| *n > 0);
+    match text.split_once("..") {
+        Some((lo, hi)) => number(lo).zip(number(hi)).filter(|(lo, hi)| lo <= hi).map(|(lo, hi)| [lo, hi]),
+        None => number(text).map(|n| [n, n]),
+    }
 }
 
 impl LabelChoice {
-    /// True if this number is chosen.
+    /// True if this number is chosen, by number.
     pub fn contains(&self, number: u16) -> bool {
         match self {
             Self::All => number > 0,
             Self::Only(ranges) => ranges.iter().any(|[lo, hi]| (*lo..=*hi).contains(&number)),
+            Self::Named(parts) => {
+                parts.iter().filter_map(|part| range_of(part)).any(|[lo, hi]| (lo..=hi).contains(&number))
+            }
         }
+    }
+
+    /// The choice by numbers.
+    ///
+    /// # Errors
+    /// A label has no such name.
+    fn by_number(&self, names: &[LabelName]) -> Result<Cow<'_, Self>, Fault> {
+        let Self::Named(parts) = self else { return Ok(Cow::Borrowed(self)) };
+        let mut ranges = Vec::new();
+        for part in parts {
+            let before = ranges.len();
+            let named = names.iter().filter(|label| label.name.to_lowercase() == part.to_lowercase());
+            ranges.extend(range_of(part).into_iter().chain(named.map(|label| [label.number; 2])));
+            if ranges.len() == before {
+                let near = nearest(part, names.iter().map(|label| (&*label.name, &*label.name)));
+                return Err(match near {
+                    _ if names.is_empty() => {
+                        usage!("has no names of labels; give a table of them ({NAMES}), or choose by numbers")
+                    }
+                    Some(near) => {
+                        usage!("has no label named '{}'; did you mean '{}'?", shown(part), shown(near))
+                    }
+                    None => usage!(
+                        "has no label named '{}'; give another name of its table, or a number",
+                        shown(part)
+                    ),
+                });
+            }
+        }
+        Ok(Cow::Owned(Self::Only(ranges)))
     }
 }
 
-/// Parses `all`, or a list such as `1,5,7..20`.
+/// Parses `all`, or a list such as `1,5,7..20,liver`.
 impl FromStr for LabelChoice {
     type Err = String;
 
@@ -67,14 +111,17 @@ impl FromStr for LabelChoice {
         if text == "all" {
             return Ok(Self::All);
         }
-        let number = |text: &str| text.trim().parse().ok().filter(|n| *n > 0);
-        let ranges = text.split(',').map(|part| match part.split_once("..") {
-            Some((lo, hi)) => number(lo).zip(number(hi)).filter(|(lo, hi)| lo <= hi).map(|(lo, hi)| [lo, hi]),
-            None => number(part).map(|n| [n, n]),
-        });
-        ranges.collect::<Option<_>>().map(Self::Only).ok_or_else(|| {
-            format!("'{text}' does not name labels; write all, or numbers from 1 to 65535 as 1,5,7..20")
-        })
+        let parts = || text.split(',').map(str::trim);
+        if let Some(ranges) = parts().map(range_of).collect() {
+            return Ok(Self::Only(ranges));
+        }
+        let is_name = |part: &str| part.starts_with(char::is_alphabetic) && part != "all";
+        if parts().all(|part| range_of(part).is_some() || is_name(part)) {
+            return Ok(Self::Named(parts().map(str::to_owned).collect()));
+        }
+        Err(format!(
+            "'{text}' does not name labels; write all, or numbers from 1 to 65535 and names as 1,5,7..20,liver"
+        ))
     }
 }
 
@@ -126,11 +173,15 @@ pub(super) fn label_solid<'a>(
         let name = info.description.name.clone();
         BuildFault::no_room_for_cells(name)
     })?;
+    let names = names(&options.label_names, &info.description.labels);
+    let choice = choice
+        .by_number(&names)
+        .map_err(|fault| BuildFault::Said { name: info.description.name.clone(), fault })?;
     let solid = LabelSolid {
         source,
         dims,
         choice,
-        names: names(&options.label_names, &info.description.labels),
+        names,
         smooth: options.smooth,
         convert: by_type!(info.scalar, T => ring::convert::<T>),
         counts: Mutex::default(),
@@ -151,7 +202,8 @@ struct LabelSolid<'a> {
     source: &'a dyn VolumeSource,
     /// Cells along each axis.
     dims: Dims,
-    choice: &'a LabelChoice,
+    /// By number.
+    choice: Cow<'a, LabelChoice>,
     names: Cow<'a, [LabelName]>,
     /// [`BuildOptions::smooth`]
     smooth: f64,
@@ -175,7 +227,7 @@ impl LabelSolid<'_> {
             return Err(self.wrong(not_label(value, "whole numbers")));
         }
         let number = if (0.0..=65_535.0).contains(&value) { Some(value as u16) } else { None };
-        match (self.choice, number) {
+        match (&*self.choice, number) {
             (LabelChoice::All, None) => {
                 Err(self.wrong(not_label(value, "numbers from 1 to 65535, 0 for none")))
             }
@@ -269,7 +321,7 @@ impl Solid for LabelSolid<'_> {
         if !names.is_empty() && !names.iter().any(is_found) {
             return Some(BuildNote::LabelsUnnamed { named: names.len() });
         }
-        let LabelChoice::Only(ranges) = self.choice else {
+        let LabelChoice::Only(ranges) = &*self.choice else {
             let mut absent = names.iter().filter(|named| !is_found(named));
             let first = absent.next()?.number;
             return Some(BuildNote::NamesAbsent { first, others: absent.count() });
@@ -312,6 +364,16 @@ mod tests {
         assert_eq!("all".parse(), Ok(LabelChoice::All));
         let some: LabelChoice = "1, 5,7..20".parse().unwrap();
         assert_eq!(some, LabelChoice::Only(vec![[1, 1], [5, 5], [7, 20]]));
+        let named: LabelChoice = "5, Liver".parse().unwrap();
+        let name = |number, name: &str| LabelName { number, name: name.into(), color: None };
+        let table = [name(3, "liver"), name(9, "spleen"), name(4, "liver")];
+        assert_eq!(*named.by_number(&table).unwrap(), LabelChoice::Only(vec![[5, 5], [3, 3], [4, 4]]));
+        for (names, told) in
+            [(&table[..], "did you mean 'liver'"), (&table[1..2], "another name"), (&[], "no names")]
+        {
+            let fault = "livre".parse::<LabelChoice>().unwrap().by_number(names).unwrap_err();
+            assert!(fault.text.contains(told), "{}", fault.text);
+        }
         let chosen: Vec<u16> = (0..40).filter(|n| some.contains(*n)).collect();
         assert_eq!(chosen, [1, 5].into_iter().chain(7..=20).collect::<Vec<_>>());
         for wrong in ["", "0", "1,", "5..3", "-1", "1.5", "65536", "liver", "all,1", "1..."] {

@@ -36,7 +36,7 @@ def build(
     iso: float | None = None,
     range: tuple[float, float] | None = None,
     preset: Preset | None = None,
-    labels: str | int | Sequence[int] | None = None,
+    labels: str | int | Sequence[int | str] | None = None,
     names: Path | Mapping[int, str] | None = None,
     keep_names: bool = False,
     smooth: float | None = None,
@@ -98,7 +98,7 @@ def build(
     What is inside
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
-    - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
+    - `labels`: of a label map, `'all'`, numbers, names, or text such as `'1,5,7..20,liver'`: each with its surface, walls between neighbours
       included. `names`: their names by number, `'totalsegmentator'`, `'freesurfer'`, or the path of a table as `oct build --names` takes it: CSV or TSV
       with columns `label`, `name` and, where colours are given, `color` (`#rrggbb`). `keep_names`: as the flag.
       `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel. Labels are stored as cells.
@@ -157,7 +157,7 @@ def build(
     if smooth is not None and labels is None:
         raise UsageError("smooth is for labels; give labels, too")
     if labels is not None and not isinstance(labels, str):
-        labels = ",".join(str(int(label)) for label in np.atleast_1d(labels))
+        labels = ",".join(str(label if isinstance(label, str) else int(label)) for label in np.atleast_1d(labels))
     asked = {
         "build": _given(
             threshold=_threshold(iso, range),
