@@ -120,7 +120,11 @@ impl Progress for Bars {
             bar.inc(steps);
             if self.lines {
                 let (done, all) = (bar.position(), bar.length().unwrap_or_default());
-                let left = pace.left(done as f64 / all as f64, bar.elapsed());
+                let left = if done < all {
+                    pace.left(done as f64 / all as f64, bar.elapsed())
+                } else {
+                    String::new()
+                };
                 let comma = if left.is_empty() { "" } else { ", " };
                 drop(writeln!(std::io::stderr(), "  {done} of {all}{comma}{left}"));
             }

@@ -164,7 +164,8 @@ impl<'a> Records<'a> {
         shown: [f64; 2],
     ) -> Result<(), Error> {
         for value in kept {
-            self.values.write_all(&value.to_le_bytes()).map_err(unwritable(self.folder))?;
+            // No path is copied for what does not fail.
+            self.values.write_all(&value.to_le_bytes()).map_err(|cause| unwritable(self.folder)(cause))?;
         }
         let Some((_, path)) = self.table else { return Ok(()) };
         let [value, u95] = shown.map(|v| if v.is_nan() { String::new() } else { v.to_string() });

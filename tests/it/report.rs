@@ -85,6 +85,11 @@ fn each_experiment_is_a_line_where_there_is_no_terminal() {
         assert_eq!(done.code, 0, "{}", done.stderr);
         assert!(done.stderr.starts_with("measure: 8 steps\n"), "{}", done.stderr);
         assert!(done.stderr.ends_with("  8 of 8\n"), "{}", done.stderr);
+        // Once there is a pace, the time left.
+        for line in done.stderr.lines().skip(1) {
+            let (_, left) = line.split_once(" of 8").unwrap();
+            assert!(left.is_empty() || left.starts_with(", ") && left.ends_with(" left"), "{}", done.stderr);
+        }
     }
 }
 

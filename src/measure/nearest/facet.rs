@@ -90,8 +90,8 @@ impl Facet {
         (dot(apart, apart), add_scaled(self.middle, 1.0, found))
     }
 
-    /// The facet along the two axes that it faces least, and those axes before the third.
-    fn polygon(&self) -> (Polygon, [usize; 3]) {
+    /// The two axes that the facet faces least, and the third.
+    fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.normal.map(f64::abs);
         let w = if x >= y && x >= z {
             0
@@ -100,21 +100,45 @@ impl Facet {
         } else {
             2
         };
-        let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+        [(w + 1) % 3, (w + 2) % 3, w]
+    }
+
+    /// The corners of the facet along its first two axes, one after the other; some may be the same.
+    ///
+    /// The plane stays within the box where its rise along these axes is near the offset: the rectangle between two
+    /// parallel lines. Of each side the part between them counts.
+    #[inline]
+    fn outline(&self, [u, v, w]: [usize; 3], mut each: impl FnMut([f64; 2])) {
         let (a, b) = (self.half[u], self.half[v]);
-        let (slope, reach) = ([self.normal[u], self.normal[v]], self.normal[w].abs() * self.half[w]);
-        // The plane stays within the box where its rise along u and v is near the offset.
-        let slack = 1e-12 * self.half.iter().sum::<f64>();
-        let mut polygon = Polygon { count: 4, ..Polygon::default() };
-        polygon.corners[..4].copy_from_slice(&[[-a, -b], [a, -b], [a, b], [-a, b]]);
-        let rise = slope[0].abs() * a + slope[1].abs() * b;
-        if rise > reach + self.offset {
-            polygon = polygon.clip(slope, self.offset + reach + slack);
+        let slack = 1e-12 * (a + b + self.half[w]);
+        let reach = self.normal[w].abs() * self.half[w] + slack;
+        let (least, most) = (self.offset - reach, self.offset + reach);
+        let rise = |at: [f64; 2]| self.normal[u] * at[0] + self.normal[v] * at[1];
+        let corners = [[-a, -b], [a, -b], [a, b], [-a, b]];
+        let heights = corners.map(rise);
+        for i in 0..4 {
+            let after = (i + 1) % 4;
+            let (from, to) = (heights[i], heights[after]);
+            if from.max(to) < least || from.min(to) > most {
+                continue;
+            }
+            let at = |height: f64| {
+                let part = (height - from) / (to - from);
+                [0, 1].map(|k| corners[i][k] + part * (corners[after][k] - corners[i][k]))
+            };
+            each(if from < least {
+                at(least)
+            } else if from > most {
+                at(most)
+            } else {
+                corners[i]
+            });
+            if to < least {
+                each(at(least));
+            } else if to > most {
+                each(at(most));
+            }
         }
-        if rise > reach - self.offset {
-            polygon = polygon.clip(slope.map(|c| -c), slack - (self.offset - reach));
-        }
-        (polygon, [u, v, w])
     }
 
     /// The place on the plane with these coordinates along the first two axes.
@@ -127,75 +151,35 @@ impl Facet {
     }
 
     /// The corners of the facet.
-    pub(crate) fn corners(&self, each: impl FnMut([f64; 3])) {
-        let (polygon, axes) = self.polygon();
-        polygon.corners.iter().take(polygon.count).map(|corner| self.lifted(*corner, axes)).for_each(each);
+    pub(crate) fn corners(&self, mut each: impl FnMut([f64; 3])) {
+        let axes = self.axes();
+        self.outline(axes, |corner| each(self.lifted(corner, axes)));
     }
 
     /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
     #[inline]
     pub(crate) fn section(&self) -> (f64, [f64; 3]) {
-        let (polygon, axes) = self.polygon();
-        let (area, at) = polygon.area();
-        if area <= 0.0 {
+        let axes = self.axes();
+        // Twice the area, and six times the moments, of the triangles between the first corner and two others.
+        let (mut first, mut last) = (None, [0.0; 2]);
+        let (mut twice, mut sum) = (0.0, [0.0; 2]);
+        self.outline(axes, |corner| {
+            let origin = *first.get_or_insert(corner);
+            let next = [corner[0] - origin[0], corner[1] - origin[1]];
+            let part = last[0] * next[1] - last[1] * next[0];
+            twice += part;
+            sum = [sum[0] + part * (last[0] + next[0]), sum[1] + part * (last[1] + next[1])];
+            last = next;
+        });
+        let Some(origin) = first.filter(|_| twice > 0.0) else {
             return (0.0, self.nearest(self.middle).1);
-        }
-        (area / self.normal[axes[2]].abs(), self.lifted(at, axes))
+        };
+        let at = [0, 1].map(|k| origin[k] + sum[k] / (3.0 * twice));
+        (twice / 2.0 / self.normal[axes[2]].abs(), self.lifted(at, axes))
     }
 }
 
 #[inline]
 pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// A convex polygon: a rectangle that two lines cut.
-#[derive(Clone, Copy, Debug, Default)]
-struct Polygon {
-    corners: [[f64; 2]; 8],
-    count: usize,
-}
-
-impl Polygon {
-    /// The part where `slope . x <= most`.
-    fn clip(self, slope: [f64; 2], most: f64) -> Self {
-        let mut kept = Self::default();
-        let mut add = |corner: [f64; 2]| {
-            if let Some(to) = kept.corners.get_mut(kept.count) {
-                *to = corner;
-                kept.count += 1;
-            }
-        };
-        let heights = self.corners.map(|x| slope[0] * x[0] + slope[1] * x[1] - most);
-        if heights.iter().take(self.count).all(|height| *height <= 0.0) {
-            return self;
-        }
-        for i in 0..self.count {
-            let after = if i + 1 < self.count { i + 1 } else { 0 };
-            let (one, other) = (self.corners[i], self.corners[after]);
-            let (at, next) = (heights[i], heights[after]);
-            if at <= 0.0 {
-                add(one);
-            }
-            if (at <= 0.0) != (next <= 0.0) {
-                let part = at / (at - next);
-                add([0, 1].map(|a| one[a] + part * (other[a] - one[a])));
-            }
-        }
-        kept
-    }
-
-    /// Area and centroid.
-    fn area(&self) -> (f64, [f64; 2]) {
-        let (mut area, mut sum) = (0.0, [0.0; 2]);
-        let origin = self.corners[0];
-        let from = |i: usize| [0, 1].map(|a| self.corners[i][a] - origin[a]);
-        for i in 1..self.count.saturating_sub(1) {
-            let ([a, b], [c, d]) = (from(i), from(i + 1));
-            let twice = a * d - b * c;
-            area += twice / 2.0;
-            sum = [sum[0] + twice * (a + c), sum[1] + twice * (b + d)];
-        }
-        (area, [0, 1].map(|a| origin[a] + sum[a] / (6.0 * area)))
-    }
 }
