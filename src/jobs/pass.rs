@@ -22,13 +22,15 @@ use crate::progress::Progress;
 const CHUNK: usize = 4096;
 
 /// Resident memory beyond which pages of the models are given back.
-const RESIDENT_BYTES: u64 = 25 << 18;
+const RESIDENT_BYTES: u64 = 6 << 20;
+/// Pages of the models that stay where the rest of the process, which has many threads, takes more than that.
+const ROOM_BYTES: u64 = 1 << 20;
 
 /// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
 const MAX_STEPS: u64 = 512;
+const GROWTH_BYTES: u64 = 256 << 10;
 /// Cells that a page elsewhere counts as.
 const PER_PAGE: u64 = 64;
-const GROWTH_BYTES: u64 = 256 << 10;
 
 /// Bytes of a table that are written at a time.
 const TEXT_BYTES: usize = 64 << 10;
@@ -36,7 +38,10 @@ const TEXT_BYTES: usize = 64 << 10;
 /// Gives the pages of models back when there are many. The faster memory grows, the more often it looks.
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
+    /// Resident memory at the last look, and beyond which pages are given back.
     resident: u64,
+    limit: u64,
+    /// Cells between two looks, and those before the next.
     part: u64,
     left: u64,
 }
@@ -44,7 +49,7 @@ pub(super) struct PageRelief<'a> {
 impl<'a> PageRelief<'a> {
     pub(super) fn new(models: &'a [&'a Model]) -> Self {
         models.iter().for_each(|model| model.give_back());
-        Self { models, resident: resident_bytes(), part: 1, left: 1 }
+        Self { models, resident: resident_bytes(), limit: RESIDENT_BYTES, part: 1, left: 1 }
     }
 
     /// To be called after each cell of a pass, with the pages elsewhere that it asked for.
@@ -63,8 +68,10 @@ impl<'a> PageRelief<'a> {
         let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
         self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
         (self.resident, self.left) = (resident, self.part);
-        if resident > RESIDENT_BYTES {
+        if resident > self.limit {
             self.models.iter().for_each(|model| model.give_back());
+            self.resident = resident_bytes();
+            self.limit = RESIDENT_BYTES.max(self.resident + ROOM_BYTES);
         }
     }
 }
