@@ -376,7 +376,7 @@ mod tests {
         }
         let chosen: Vec<u16> = (0..40).filter(|n| some.contains(*n)).collect();
         assert_eq!(chosen, [1, 5].into_iter().chain(7..=20).collect::<Vec<_>>());
-        for wrong in ["", "0", "1,", "5..3", "-1", "1.5", "65536", "liver", "all,1", "1..."] {
+        for wrong in ["", "0", "1,", "5..3", "-1", "1.5", "65536", "liver,", "all,1", "1...", "_a"] {
             assert!(wrong.parse::<LabelChoice>().is_err(), "{wrong}");
         }
     }
