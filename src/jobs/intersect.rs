@@ -106,7 +106,8 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Res
 impl IntersectReport {
     /// True if the bodies are known to be at least so many mm apart.
     pub fn is_clear_by(&self, mm: f64) -> bool {
-        self.clearance_mm.is_some_and(|clearance| clearance >= mm) && self.depth_mm == Some(0.0)
+        let shares_nothing = [self.overlap_mm3, self.depth_mm] == [Some(0.0); 2];
+        shares_nothing && self.clearance_mm.is_some_and(|clearance| clearance >= mm)
     }
 
     /// Report for people.
@@ -114,7 +115,7 @@ impl IntersectReport {
         let [one, other] = [0, 1].map(|i| shown(&self.inputs[i]).to_string());
         let point = |at: [f64; 3]| at.map(|c| Short(c).to_string()).join(", ");
         let gap = match (self.overlap_mm3, self.depth_mm, self.clearance_mm, self.clearance_between_mm) {
-            (Some(volume), Some(depth), ..) if depth > 0.0 => {
+            (Some(volume), Some(depth), ..) if depth > 0.0 || volume > 0.0 => {
                 format!("  they overlap by {} mm³, up to {} mm deep\n", Short(volume), Short(depth))
             }
             (.., Some(clearance), Some([from, to])) => {

@@ -95,6 +95,12 @@ fn balls_overlap_by_a_lens_or_are_apart() {
     let small = 4.0 / 3.0 * pi * 216.0;
     assert!((number("overlap_mm3") - small).abs() < 0.01 * small, "{found}");
     assert!((number("depth_mm") - 14.0).abs() < 0.06 && number("clearance_mm") == 0.0, "{found}");
+    // A body and itself.
+    let (one, whole) = (at("one.oct"), 4.0 / 3.0 * pi * 8000.0);
+    let found = oct(&["intersect", &one, &one, "--json"]).json();
+    assert!((found["overlap_mm3"].as_f64().unwrap() - whole).abs() < 0.01 * whole, "{found}");
+    assert_eq!((&found["depth_mm"], &found["clearance_mm"]), (&0.0.into(), &0.0.into()), "{found}");
+    assert_eq!(oct(&["intersect", &one, &one, "--clearance", "0"]).code, 6);
     oct(&["intersect", &at("skin.oct"), &at("one.oct"), "--clearance", "0"])
         .refused(3, &["skin.oct", "--surface cells"]);
     let found = oct(&["intersect", &at("skin.oct"), &at("one.oct"), "--json"]).json();

@@ -5,7 +5,7 @@
 //! from the other surface than half its diagonal lies inside or outside as a whole, and is not looked into further where
 //! it cannot change a figure.
 
-use super::{Facet, OctreeBox, Query, Search, Surface};
+use super::{Facet, ON, OctreeBox, Query, Search, Surface};
 use crate::geom::{Octant, dot};
 use crate::load::NodeView;
 
@@ -34,7 +34,8 @@ impl Gap {
         for [own, of] in [[one, other], [other, one]] {
             Walk { own, search: of.search() }.shared(own.root(), None, &mut shared);
         }
-        if shared.depth > 0.0 {
+        // Of a body and itself no place lies deeper than on the surface.
+        if shared.depth > 0.0 || shared.volume > one.space.spacing.iter().product() {
             return Some(Self::Overlap { volume_mm3: shared.volume.max(0.0), depth_mm: shared.depth });
         }
         let mut walk = Walk { own: one, search: other.search() };
@@ -53,6 +54,7 @@ impl Gap {
                 break;
             }
         }
+        let mm = if mm < ON * one.space.finest { 0.0 } else { mm };
         Some(Self::Apart { mm, between: [from, to] })
     }
 }
