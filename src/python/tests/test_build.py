@@ -137,10 +137,10 @@ def test_triangles_of_some_labels():
     assert np.array_equal(left.faces, both.faces[: len(left.faces)]) and len(np.unique(left.vertex_colors, axis=0)) == 1
     assert model.export("left.stl", only="left")["triangles"] == len(left.faces)
     assert np.array_equal(model.to_mesh(only="left, right").faces, both.faces)
-    alone = built(array, iso=None, labels=["Left"], names={7: "left", 9: "right"})
+    alone = built(array, "one.oct", iso=None, labels=["Left"], names={7: "left", 9: "right"})
     assert [label["number"] for label in alone.info["labels"]] == [7]
     with pytest.raises(infobyte.UsageError, match="did you mean 'left'"):
-        built(array, iso=None, labels="lefty", names={7: "left", 9: "right"})
+        built(array, "one.oct", iso=None, labels="lefty", names={7: "left", 9: "right"})
     assert "&x=9\"" in model.view(only="left").html and "&x=" not in model.view().html
     few = model.to_mesh(only=["left"], triangles=60)
     assert len(few.faces) == model.export("left.glb", only=["left"], triangles=60)["triangles"] <= 60 < len(left.faces)
