@@ -19,10 +19,11 @@ use crate::platform;
 use crate::progress::Progress;
 
 /// Cells that a thread takes at a time.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 2048;
 
 /// Resident memory beyond which pages of the models are given back.
-const RESIDENT_BYTES: u64 = 6 << 20;
+/// A search far from the surface maps 2.5 MiB more at once.
+const RESIDENT_BYTES: u64 = 21 << 18;
 /// Pages of the models that stay where the rest of the process, which has many threads, takes more than that.
 const ROOM_BYTES: u64 = 1 << 20;
 
@@ -70,8 +71,7 @@ impl<'a> PageRelief<'a> {
         (self.resident, self.left) = (resident, self.part);
         if resident > self.limit {
             self.models.iter().for_each(|model| model.give_back());
-            self.resident = resident_bytes();
-            self.limit = RESIDENT_BYTES.max(self.resident + ROOM_BYTES);
+            self.limit = RESIDENT_BYTES.max(resident_bytes() + ROOM_BYTES);
         }
     }
 }
@@ -86,7 +86,7 @@ pub(super) struct Pass<'a> {
 impl Pass<'_> {
     /// Makes a row of each cell, and passes the rows on in the order of the file. Each worker has a thread.
     ///
-    /// Memory: the rows of 4,096 cells a worker.
+    /// Memory: the rows of 2,048 cells a worker.
     ///
     /// # Errors
     /// An error of `each`; [`Error::Stopped`].
