@@ -19,13 +19,10 @@ use crate::platform;
 use crate::progress::Progress;
 
 /// Cells that a thread takes at a time.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 4096;
 
 /// Resident memory beyond which pages of the models are given back.
-/// A search far from the surface maps 2.5 MiB more at once.
-const RESIDENT_BYTES: u64 = 21 << 18;
-/// Pages of the models that stay where the rest of the process, which has many threads, takes more than that.
-const ROOM_BYTES: u64 = 1 << 20;
+const RESIDENT_BYTES: u64 = 25 << 18;
 
 /// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
 const MAX_STEPS: u64 = 512;
@@ -39,10 +36,7 @@ const TEXT_BYTES: usize = 64 << 10;
 /// Gives the pages of models back when there are many. The faster memory grows, the more often it looks.
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
-    /// Resident memory at the last look, and beyond which pages are given back.
     resident: u64,
-    limit: u64,
-    /// Cells between two looks, and those before the next.
     part: u64,
     left: u64,
 }
@@ -50,7 +44,7 @@ pub(super) struct PageRelief<'a> {
 impl<'a> PageRelief<'a> {
     pub(super) fn new(models: &'a [&'a Model]) -> Self {
         models.iter().for_each(|model| model.give_back());
-        Self { models, resident: resident_bytes(), limit: RESIDENT_BYTES, part: 1, left: 1 }
+        Self { models, resident: resident_bytes(), part: 1, left: 1 }
     }
 
     /// To be called after each cell of a pass, with the pages elsewhere that it asked for.
@@ -69,9 +63,8 @@ impl<'a> PageRelief<'a> {
         let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
         self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
         (self.resident, self.left) = (resident, self.part);
-        if resident > self.limit {
+        if resident > RESIDENT_BYTES {
             self.models.iter().for_each(|model| model.give_back());
-            self.limit = RESIDENT_BYTES.max(resident_bytes() + ROOM_BYTES);
         }
     }
 }
@@ -86,7 +79,7 @@ pub(super) struct Pass<'a> {
 impl Pass<'_> {
     /// Makes a row of each cell, and passes the rows on in the order of the file. Each worker has a thread.
     ///
-    /// Memory: the rows of 2,048 cells a worker.
+    /// Memory: the rows of 4,096 cells a worker.
     ///
     /// # Errors
     /// An error of `each`; [`Error::Stopped`].
