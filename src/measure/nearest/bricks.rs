@@ -68,7 +68,7 @@ struct Brick {
 }
 
 impl Brick {
-    /// A brick that is none of the grid.
+    /// A brick outside every grid.
     const NOWHERE: Self = Self {
         at: [u32::MAX; 3],
         cells: 0,

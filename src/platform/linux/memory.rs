@@ -16,7 +16,7 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
-/// As [`current_rss_bytes`] at less cost, below 1 us: pages of `/proc/self/statm`, which stays open, taken as 4 KiB; 0
+/// As [`current_rss_bytes`] at less cost, some 1 us: pages of `/proc/self/statm`, which stays open, taken as 4 KiB; 0
 /// where the system does not tell. For larger pages it is too low, and a cap that is kept by it is exceeded.
 pub(crate) fn resident_bytes() -> u64 {
     static STATM: OnceLock<Option<File>> = OnceLock::new();
