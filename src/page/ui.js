@@ -218,7 +218,7 @@ function listParts() {
         list.append(row);
         eye.onchange = () => {
             view.hidden[i + 1] = eye.checked ? 0 : 1;
-            changed($('named').value);
+            refresh();
         };
     });
     $('find').oninput = () => {
@@ -228,7 +228,7 @@ function listParts() {
     // Those that are listed.
     const all = hide => () => {
         rows().forEach((row, i) => { if (!row.hidden) view.hidden[i + 1] = hide; });
-        changed($('named').value);
+        refresh();
     };
     $('all').onclick = all(0);
     $('none').onclick = all(1);
@@ -257,6 +257,9 @@ function changed(named) {
     redraw();
 }
 
+/** A change that keeps the named view. */
+const refresh = () => changed($('named').value);
+
 /** Where an event is in the picture: x and y from -1 to 1 up, x times the aspect for the zoom. */
 function place(x, y) {
     const box = canvas.getBoundingClientRect();
@@ -267,10 +270,7 @@ function pick(x, y) {
     if (!page.model.texels) return;
     if (page.model.head.coarse) return void say('Positions come with the whole model.');
     const hit = page.view.pick(page.model, x, y, aspect());
-    if (!hit) {
-        say('Nothing is there.');
-        return;
-    }
+    if (!hit) return void say('Nothing is there.');
     const tool = $('tool').value, most = {pick: 1, distance: 2, angle: 3}[tool];
     if (page.points.length >= most) page.points = [];
     page.points.push(hit);
@@ -370,7 +370,7 @@ function pointers() {
         const [x, y] = place(event.clientX, event.clientY);
         const lines = event.deltaMode === 1 ? 16 : event.deltaMode === 2 ? 400 : 1;
         page.view.zoom(Math.exp(Math.max(-300, Math.min(300, event.deltaY * lines)) * .0015), x * aspect(), y);
-        changed($('named').value);
+        refresh();
     }, {passive: false});
 }
 
@@ -404,21 +404,19 @@ function keys(event) {
     else if (named) {
         view.named(named, aspect());
         changed(named);
-    } else if (arrows && event.shiftKey) {
-        view.pan(arrows[0] * .1, arrows[1] * .1);
-        changed();
     } else if (arrows) {
-        view.orbit(-arrows[0] * step, arrows[1] * step);
+        if (event.shiftKey) view.pan(arrows[0] * .1, arrows[1] * .1);
+        else view.orbit(-arrows[0] * step, arrows[1] * step);
         changed();
     } else if (plain) {
         plain();
-        changed($('named').value);
+        refresh();
     } else return;
     event.preventDefault();
 }
 
 function tools() {
-    const view = page.view, on = (id, what, does) => $(id).addEventListener(what, () => { does($(id).value); changed($('named').value); });
+    const view = page.view, on = (id, what, does) => $(id).addEventListener(what, () => { does($(id).value); refresh(); });
     on('named', 'change', name => { if (name) view.named(name, aspect()); });
     on('projection', 'change', value => { view.perspective = value === 'perspective'; });
     on('cut', 'change', cutBy);
@@ -427,7 +425,7 @@ function tools() {
     on('tool', 'change', clearPoints);
     on('clear', 'click', clearPoints);
     on('dark', 'click', () => { view.dark = !view.isDark; });
-    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => changed($('named').value));
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', refresh);
     on('colors', 'click', () => { view.colors = !view.colors; self.showLegend?.(); });
     $('save').addEventListener('click', savePicture);
     $('help').addEventListener('click', () => {
@@ -489,12 +487,13 @@ function show(model) {
     page.opened = performance.now() - page.began;
     page.model = model;
     if (!page.view) {
-        page.view = new View(model);
+        const view = page.view = new View(model), link = location.hash.slice(1), state = link || model.head.start;
         listParts();
         fit();
-        page.view.named('front', aspect());
-        const state = location.hash.slice(1) || model.head.start;
-        if (state) page.view.read(state);
+        view.named('front', aspect());
+        if (state) view.read(state);
+        // The start is framed for a square.
+        if (state && !link) view.half /= Math.min(1, aspect());
         main.classList.toggle('waits', !state && $('still').src.length > 100);
         pointers();
         tools();
