@@ -70,12 +70,13 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Res
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };
     let found = intersection(one_placed, other_placed);
     let both = found.and_then(|one| Some((one, intersection(other_placed, one_placed)?)));
+    let models = [&one, &other];
     let surfaces = [
         Surface::open(&one_view, &one_placed.affine, one.dims()),
         Surface::open(&other_view, &other_placed.affine, other.dims()),
     ];
     let gap = match surfaces {
-        [Ok(one), Ok(other)] => Gap::of(one, other),
+        [Ok(one), Ok(other)] => Gap::of(one.relieved(&models), other.relieved(&models)),
         [Err(fault), _] if needs_gap => return Err(fault.at(inputs[0]).into()),
         [_, Err(fault)] if needs_gap => return Err(fault.at(inputs[1]).into()),
         _ => None,

@@ -21,14 +21,9 @@ use crate::progress::Progress;
 /// Cells that a thread takes at a time.
 const CHUNK: usize = 4096;
 
-/// Resident memory beyond which pages of the models are given back.
-const RESIDENT_BYTES: u64 = 25 << 18;
-
 /// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
 const MAX_STEPS: u64 = 512;
 const GROWTH_BYTES: u64 = 256 << 10;
-/// Cells that a page elsewhere counts as.
-const PER_PAGE: u64 = 64;
 
 /// Bytes of a table that are written at a time.
 const TEXT_BYTES: usize = 64 << 10;
@@ -47,10 +42,10 @@ impl<'a> PageRelief<'a> {
         Self { models, resident: resident_bytes(), part: 1, left: 1 }
     }
 
-    /// To be called after each cell of a pass, with the pages elsewhere that it asked for.
+    /// To be called after each cell of a pass.
     #[inline]
-    pub(super) fn step(&mut self, pages: u64) {
-        self.left = self.left.saturating_sub(1 + PER_PAGE * pages);
+    pub(super) fn step(&mut self) {
+        self.left = self.left.saturating_sub(1);
         if self.left == 0 {
             self.look();
         }
@@ -63,9 +58,7 @@ impl<'a> PageRelief<'a> {
         let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
         self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
         (self.resident, self.left) = (resident, self.part);
-        if resident > RESIDENT_BYTES {
-            self.models.iter().for_each(|model| model.give_back());
-        }
+        Model::give_back_many(self.models);
     }
 }
 
@@ -99,7 +92,7 @@ impl Pass<'_> {
         let work = |(search, relief, rows): &mut (Search<'s>, PageRelief<'_>, Vec<R>)| {
             for row in rows {
                 work(search, row);
-                relief.step(search.take_pages());
+                relief.step();
             }
         };
         loop {

@@ -8,6 +8,7 @@ use crate::format::{
     Channel, ColorMap, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind,
     ValueColors, Walls, cell::Plane, rank,
 };
+use crate::budget::resident_bytes;
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
 use crate::platform::PositionalFile;
@@ -17,6 +18,9 @@ use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
 use super::{BrickCodes, CellItems, LeafItems, LoadError, NodeView};
+
+/// Resident memory beyond which pages of models are given back.
+const MANY_BYTES: u64 = 27 << 18;
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -110,6 +114,13 @@ impl Model<Mapping> {
     /// Releases the pages of the file that were read from the process; see [`Mapping::give_back`].
     pub fn give_back(&self) {
         self.data.give_back();
+    }
+
+    /// Releases the pages of models if much memory is resident.
+    pub(crate) fn give_back_many(models: &[&Self]) {
+        if !models.is_empty() && resident_bytes() > MANY_BYTES {
+            models.iter().for_each(|model| model.give_back());
+        }
     }
 }
 

@@ -132,10 +132,11 @@ pub fn compare(
         return Err(crate::error::keeps_part(seen_from, nominal).into());
     }
     let (one_view, other_view) = (one.model.solid_view(), other.model.solid_view());
+    let models = [&one.model, &other.model];
     let job = Job {
         request,
-        one: measured(&one, &one_view)?,
-        other: measured(&other, &other_view)?,
+        one: measured(&one, &one_view, &models)?,
+        other: measured(&other, &other_view, &models)?,
         progress,
         paths: [actual, nominal],
     };
@@ -165,9 +166,14 @@ fn other_thresholds(inputs: [&Input; 2]) -> Option<String> {
     })
 }
 
-fn measured<'a>(input: &'a Input, view: &'a ModelView<'a>) -> Result<Measured<'a>, Error> {
+fn measured<'a>(
+    input: &'a Input,
+    view: &'a ModelView<'a>,
+    models: &'a [&'a Model],
+) -> Result<Measured<'a>, Error> {
     let surface = Surface::open(view, &input.model.affine(), input.model.dims())
-        .map_err(|fault| fault.at(&input.path))?;
+        .map_err(|fault| fault.at(&input.path))?
+        .relieved(models);
     Ok(Measured { model: &input.model, surface, doubt: Doubt::of(&input.model) })
 }
 
@@ -281,7 +287,7 @@ impl Job<'_> {
         let models = self.models();
         let mut relief = PageRelief::new(&models);
         let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &mut || {
-            relief.step(0);
+            relief.step();
             self.progress.stopped()
         });
         let Some(found) = found.map_err(|fault| fault.at(self.paths[0]))? else {
@@ -368,7 +374,7 @@ impl Job<'_> {
                     );
                 }
             }
-            relief.step(apart.take_pages());
+            relief.step();
         }
         Ok(self.listed(places))
     }

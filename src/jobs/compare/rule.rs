@@ -260,11 +260,6 @@ impl<'a> Apart<'a> {
         Self { search: surface.search(), radius_mm, seen: 0, step: 1, sign: 1.0 }
     }
 
-    /// Pages elsewhere in the model that were read since the last call.
-    pub(super) fn take_pages(&mut self) -> u64 {
-        self.search.take_pages()
-    }
-
     /// The distance of a row's place in mm, positive outside the solid; of one that is not asked for the radius, with the
     /// sign of the place before.
     pub(super) fn signed_mm(&mut self, at_mm: [f64; 3]) -> f64 {

@@ -90,8 +90,8 @@ impl Notes {
             }
         }
         let mut gaps = vec![f64::INFINITY; pores + 1];
-        let mut search = surface.search();
         let models = [model];
+        let mut search = surface.relieved(&models).search();
         let mut relief = PageRelief::new(&models);
         for (at, noted) in self.read().map_err(unreadable)?.enumerate() {
             let Noted { serial, number, cell } = noted.map_err(unreadable)?;
@@ -107,7 +107,7 @@ impl Notes {
             let place = surface.cell_place(number, cell);
             ask(surface.sample(place).point);
             surface.facets(place, |_, facet| facet.corners(&mut ask));
-            relief.step(search.take_pages());
+            relief.step();
             if at % PART == 0 && progress.stopped() {
                 return Err(Error::Stopped);
             }

@@ -141,7 +141,9 @@ pub fn thickness(
         return Err(crate::error::keeps_part(seen_from, path).into());
     }
     let view = model.solid_view();
+    let models = [&model];
     let surface = Surface::open(&view, &model.affine(), model.dims()).map_err(|fault| fault.at(path))?;
+    let surface = surface.relieved(&models);
     let spacing = surface.space.spacing;
     let sides: [f64; 3] = std::array::from_fn(|a| f64::from(surface.dims[a]) * spacing[a]);
     let shortest = sides.into_iter().fold(f64::INFINITY, f64::min);

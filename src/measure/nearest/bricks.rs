@@ -1,4 +1,4 @@
-//! The facets of 4 x 4 x 4 cells at once, kept decoded: neighbouring points ask for the same ones.
+//! Bricks of 4 x 4 x 4 cells, whose facets are kept once they are decoded: neighbouring points ask for the same ones.
 //!
 //! Cells of a node two levels above them have numbers in a row, in Morton order, so that a bit for each place and the first
 //! number are enough to find all of them.
@@ -56,15 +56,21 @@ fn place_in(cell: [u32; 3]) -> u32 {
 struct Brick {
     /// Its low cell, in bricks.
     at: [u32; 3],
-    /// A bit for each cell that is there, and for each of those that has corners.
+    /// A bit for each cell that is there, and for each of those that is decoded.
     cells: u64,
-    corners: u64,
+    decoded: u64,
     first: u64,
-    /// Cells before each place, for places with a cell.
-    ranks: [u8; 64],
-    /// Number of the first facet of each cell, and of their end.
-    starts: Vec<u16>,
+    places: [Place; 64],
     facets: Vec<(u8, Facet)>,
+}
+
+/// A cell that is decoded: the cells before it, and its facets.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    before: u8,
+    has_corners: bool,
+    start: u16,
+    end: u16,
 }
 
 impl Brick {
@@ -72,18 +78,15 @@ impl Brick {
     const NOWHERE: Self = Self {
         at: [u32::MAX; 3],
         cells: 0,
-        corners: 0,
+        decoded: 0,
         first: 0,
-        ranks: [0; 64],
-        starts: Vec::new(),
+        places: [Place { before: 0, has_corners: false, start: 0, end: 0 }; 64],
         facets: Vec::new(),
     };
 
-    /// Decodes a brick, which may be empty.
-    #[expect(clippy::cast_possible_truncation, reason = "at most 8 facets of 64 cells")]
-    fn fill(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) {
-        (self.at, self.cells, self.corners) = (at, 0, 0);
-        self.starts.clear();
+    /// Finds the cells of a brick, which may have none.
+    fn fill(&mut self, surface: &Surface<'_>, way: &mut NodePath<'_>, at: [u32; 3]) {
+        (self.at, self.cells, self.decoded) = (at, 0, 0);
         self.facets.clear();
         let Some(place) = way.go(surface, at.map(|c| c << LEVELS), LEVELS) else { return };
         let node = place.number.node();
@@ -96,41 +99,39 @@ impl Brick {
         self.first = surface.view.first_child(below).get();
         way.pages.read(1, below.get());
         way.pages.read(0, self.first);
-        let mut rest = self.cells;
-        while rest != 0 {
-            let v = rest.trailing_zeros();
-            rest &= rest - 1;
-            self.ranks[v as usize & 63] = self.starts.len() as u8;
-            let place = self.place(v);
-            self.starts.push(self.facets.len() as u16);
-            if surface.has_corners(place) {
-                self.corners |= 1 << v;
-            }
-            surface.facets(place, |part, facet| self.facets.push((part, facet)));
-        }
-        self.starts.push(self.facets.len() as u16);
     }
 
-    /// Cells before a place with a cell.
-    #[inline]
-    fn before(&self, v: u32) -> u8 {
-        self.ranks[v as usize & 63]
+    /// Decodes a cell that is there.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 8 facets of 64 cells")]
+    fn decode(&mut self, surface: &Surface<'_>, v: u32) {
+        let before = (self.cells & ((1 << v) - 1)).count_ones() as u8;
+        let start = self.facets.len() as u16;
+        let place = self.place(v, before);
+        surface.facets(place, |part, facet| self.facets.push((part, facet)));
+        let (has_corners, end) = (surface.has_corners(place), self.facets.len() as u16);
+        self.places[v as usize & 63] = Place { before, has_corners, start, end };
+        self.decoded |= 1 << v;
     }
 
-    /// The cell at a place.
+    /// The cell at a place, with so many before it.
     #[inline]
-    fn place(&self, v: u32) -> OctreeBox {
+    fn place(&self, v: u32, before: u8) -> OctreeBox {
         let low = std::array::from_fn(|a| self.at[a] << LEVELS | (v >> a & 1) | (v >> (a + 3) & 1) << 1);
-        OctreeBox { number: BoxIndex::new(self.first + u64::from(self.before(v))), low, level: 0 }
+        OctreeBox { number: BoxIndex::new(self.first + u64::from(before)), low, level: 0 }
     }
 
-    /// The facets of a cell that is there.
+    /// A cell that is there.
     #[inline]
-    fn facets(&self, v: u32) -> &[(u8, Facet)] {
-        let at = usize::from(self.before(v));
-        let range =
-            self.starts.get(at..at + 2).map_or(0..0, |ends| usize::from(ends[0])..usize::from(ends[1]));
-        self.facets.get(range).unwrap_or_default()
+    fn kept(&mut self, surface: &Surface<'_>, v: u32) -> Kept<'_> {
+        if self.decoded >> v & 1 == 0 {
+            self.decode(surface, v);
+        }
+        let Place { before, has_corners, start, end } = self.places[v as usize & 63];
+        Kept {
+            place: self.place(v, before),
+            has_corners,
+            facets: self.facets.get(usize::from(start)..usize::from(end)).unwrap_or_default(),
+        }
     }
 }
 
@@ -150,7 +151,7 @@ pub(super) struct Bricks(Vec<Brick>);
 
 impl Bricks {
     #[inline]
-    fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath, at: [u32; 3]) -> &Brick {
+    fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath<'_>, at: [u32; 3]) -> &mut Brick {
         let slot = (at[0] & 3 | (at[1] & 3) << 2 | (at[2] & 3) << 4) as usize;
         if self.0.is_empty() {
             self.0.resize(KEPT, Brick::NOWHERE);
@@ -167,17 +168,12 @@ impl Bricks {
     pub(super) fn cell(
         &mut self,
         surface: &Surface<'_>,
-        way: &mut NodePath,
+        way: &mut NodePath<'_>,
         cell: [u32; 3],
     ) -> Option<Kept<'_>> {
         let brick = self.brick(surface, way, cell.map(|c| c >> LEVELS));
         let v = place_in(cell);
-        let has_corners = brick.corners >> v & 1 == 1;
-        (brick.cells >> v & 1 == 1).then(|| Kept {
-            place: brick.place(v),
-            has_corners,
-            facets: brick.facets(v),
-        })
+        (brick.cells >> v & 1 == 1).then(|| brick.kept(surface, v))
     }
 
     /// Hands over the cells of a range.
@@ -185,7 +181,7 @@ impl Bricks {
     pub(super) fn range(
         &mut self,
         surface: &Surface<'_>,
-        way: &mut NodePath,
+        way: &mut NodePath<'_>,
         range: [[u32; 3]; 2],
         mut each: impl FnMut(Kept<'_>),
     ) {
@@ -198,8 +194,7 @@ impl Bricks {
                     while rest != 0 {
                         let v = rest.trailing_zeros();
                         rest &= rest - 1;
-                        let has_corners = brick.corners >> v & 1 == 1;
-                        each(Kept { place: brick.place(v), has_corners, facets: brick.facets(v) });
+                        each(brick.kept(surface, v));
                     }
                 }
             }

@@ -2,6 +2,9 @@
 
 use crate::geom::{add_scaled, dot};
 
+/// Part of a box's section below which differences of areas are rounded too much, and the same for rises.
+const ROUNDED: f64 = 1e-4;
+
 /// The part of a plane within a box, in the orthonormal frame of a model (mm).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Facet {
@@ -91,7 +94,7 @@ impl Facet {
     }
 
     /// The two axes that the facet faces least, and the third.
-    fn axes(&self) -> [usize; 3] {
+    pub(super) fn axes(&self) -> [usize; 3] {
         let [x, y, z] = self.normal.map(f64::abs);
         let w = if x >= y && x >= z {
             0
@@ -159,7 +162,40 @@ impl Facet {
     /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
     #[inline]
     pub(crate) fn section(&self) -> (f64, [f64; 3]) {
-        let axes = self.axes();
+        let axes @ [u, v, w] = self.axes();
+        // Rise of the plane across the box along the two axes, and the heights over its lowest corner of the two lines.
+        let [rise, other] = [u, v].map(|a| 2.0 * self.normal[a].abs() * self.half[a]);
+        let (sum, reach) = (rise + other, self.normal[w].abs() * self.half[w]);
+        let [low, high] = [-reach, reach].map(|r| (self.offset + sum / 2.0 + r).clamp(0.0, sum));
+        let steepness = 1.0 / self.normal[w].abs();
+        if high - low == sum && self.offset.abs() <= reach * (1.0 + 1e-12) {
+            return (4.0 * self.half[u] * self.half[v] * steepness, self.lifted([0.0; 2], axes));
+        }
+        // Area and moments below a line, in units of rise: of the triangle at the lowest corner, without those beyond the
+        // two sides.
+        let below = |line: f64| {
+            let [all, across, along] = [line, line - rise, line - other].map(|t: f64| t.max(0.0));
+            let [two, two_across, two_along] = [all, across, along].map(|t| t * t / 2.0);
+            let cubes = (all * two - across * two_across - along * two_along) / 3.0;
+            [two - two_across - two_along, cubes - rise * two_across, cubes - other * two_along]
+        };
+        let ([least, most], [low, high]) = ([rise.min(other), rise.max(other)], [low, high].map(below));
+        let [area, first, second] = [0, 1, 2].map(|i| high[i] - low[i]);
+        let whole = rise * other;
+        if least < ROUNDED * most || area < ROUNDED * whole {
+            return self.section_by_corners(axes);
+        }
+        let at = |a: usize, moment: f64, rise: f64| {
+            let at = self.half[a] * (2.0 * moment / (area * rise) - 1.0);
+            if self.normal[a] < 0.0 { -at } else { at }
+        };
+        let centroid = [at(u, first, rise), at(v, second, other)];
+        (4.0 * self.half[u] * self.half[v] * (area / whole) * steepness, self.lifted(centroid, axes))
+    }
+
+    /// The same from the corners: for slivers and planes along an axis.
+    #[cold]
+    pub(super) fn section_by_corners(&self, axes: [usize; 3]) -> (f64, [f64; 3]) {
         // Twice the area, and six times the moments, of the triangles between the first corner and two others.
         let (mut first, mut last) = (None, [0.0; 2]);
         let (mut twice, mut sum) = (0.0, [0.0; 2]);

@@ -35,7 +35,7 @@ pub(crate) use tree::{Found, Query, Search};
 use crate::fault::{Fault, unfit};
 use crate::format::cell::CORNERS;
 use crate::geom::{Affine, BoxIndex, Dims};
-use crate::load::{CellItems, CellShape, ModelView, NodeView};
+use crate::load::{CellItems, CellShape, Model, ModelView, NodeView};
 use crate::text::names::{LABELS, SURFACE};
 
 /// A distance below this many voxels is 0: there the side is rounding.
@@ -67,6 +67,8 @@ pub(crate) struct Surface<'a> {
     pub(crate) space: Space,
     /// Cells along each axis.
     pub(crate) dims: [u32; 3],
+    /// Models of which searches give pages back.
+    models: &'a [&'a Model],
 }
 
 impl<'a> Surface<'a> {
@@ -85,7 +87,12 @@ impl<'a> Surface<'a> {
                 "has several labels, and one alone can be measured; build it by itself ({LABELS})"
             ));
         }
-        Ok(Self { view, cells, space: Space::new(affine)?, dims: dims.to_array() })
+        Ok(Self { view, cells, space: Space::new(affine)?, dims: dims.to_array(), models: &[] })
+    }
+
+    /// The same surface, of which searches give pages of these models back where they have read many.
+    pub(crate) fn relieved(self, models: &'a [&'a Model]) -> Self {
+        Self { models, ..self }
     }
 
     /// A search that starts anywhere.

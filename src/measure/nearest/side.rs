@@ -13,7 +13,7 @@ use crate::format::cell::{CORNERS, at_corner};
 use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::{CellShape, NodeView, PlanePart};
 
-use super::tree::ALONG;
+use super::tree::{ALONG, Pages};
 use super::{Found, ON, OctreeBox, Search, Surface};
 
 /// Cosine of the angle between the normals of face neighbours from which on there is a sharp edge: 11.5 degrees, where an
@@ -59,8 +59,9 @@ impl Search<'_> {
             return Side::of(found.height < 0.0);
         }
         let root = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };
+        let pages = self.pages();
         Side::of((0..3).all(|axis| {
-            [false, true].into_iter().all(|up| surface.first_along(root, cell, axis, up) == Some(true))
+            [false, true].into_iter().all(|up| surface.first_along(pages, root, (cell, axis, up)) == Some(true))
         }))
     }
 
@@ -127,7 +128,13 @@ impl Surface<'_> {
 
     /// True if the side towards an empty cell of the first cell from there along an axis lies behind its surface; `None`
     /// if there is no cell in the box. The nearer half of a box goes first.
-    fn first_along(&self, place: OctreeBox, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
+    fn first_along(
+        &self,
+        pages: &mut Pages<'_>,
+        place: OctreeBox,
+        way @ (from, axis, up): ([u32; 3], usize, bool),
+    ) -> Option<bool> {
+        pages.read(place.level, place.number.get());
         if place.level == 0 || self.is_leaf(place) {
             return Some(self.covers(place, from, axis, up));
         }
@@ -139,7 +146,7 @@ impl Surface<'_> {
             let is_past = if up { low[axis] + (1 << level) <= from[axis] } else { low[axis] > from[axis] };
             let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
             let number = (!is_past).then(|| self.view.child(node, octant))??;
-            self.first_along(OctreeBox { number, low, level }, from, axis, up)
+            self.first_along(pages, OctreeBox { number, low, level }, way)
         })
     }
 

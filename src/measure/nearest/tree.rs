@@ -5,7 +5,7 @@
 //! the smallest box that holds the ball; the way to that box is kept, and repaired between neighbours.
 
 use crate::geom::{BoxIndex, Octant, dot};
-use crate::load::NodeView;
+use crate::load::{Model, NodeView};
 
 use super::bricks::{self, Bricks, Kept};
 use super::{Facet, OctreeBox, Surface};
@@ -90,7 +90,7 @@ impl Found {
 pub(crate) struct Search<'a> {
     pub(crate) surface: Surface<'a>,
     waiting: Vec<(f64, OctreeBox)>,
-    way: NodePath,
+    way: NodePath<'a>,
     bricks: Bricks,
     seed: Option<OctreeBox>,
     best: Best,
@@ -112,11 +112,6 @@ impl<'a> Search<'a> {
         let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
         let (way, bricks) = (NodePath::new(&surface), Bricks::default());
         Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
-    }
-
-    /// Pages of the model that were read since the last call, each time that they are not those read just before.
-    pub(crate) fn take_pages(&mut self) -> u64 {
-        std::mem::take(&mut self.way.pages.changed)
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -182,6 +177,11 @@ impl<'a> Search<'a> {
                 best.ask(&kept, point, query);
             }
         });
+    }
+
+    /// The pages that are read.
+    pub(super) fn pages(&mut self) -> &mut Pages<'a> {
+        &mut self.way.pages
     }
 
     /// The box of the tree in which a cell of the grid lies: a cell, a larger leaf, or `None` where it is empty.
@@ -335,31 +335,47 @@ fn is_small([first, last]: [[u32; 3]; 2]) -> bool {
     (0..3).all(|a| (last[a] >> bricks::LEVELS) - (first[a] >> bricks::LEVELS) < MAX_BRICKS)
 }
 
-/// Pages of a model that were read last, level by level.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Pages {
+/// Pages of a model that were read last, level by level. Where many others follow, pages are given back.
+#[derive(Clone, Debug)]
+pub(super) struct Pages<'a> {
+    models: &'a [&'a Model],
     last: [u64; MAX_LEVELS],
     /// How often a page was not the one read before.
-    changed: u64,
+    changed: u32,
 }
 
 /// Base-2 logarithm of the boxes on a page: the system maps 64 KiB at once.
 const PER_PAGE: u32 = 15;
 
-impl Pages {
+/// Pages elsewhere between two looks at the resident memory: 512 KiB.
+const PAGES: u32 = 8;
+
+impl Pages<'_> {
     /// Counts the reading of a box of a level, by its number.
     #[inline]
     pub(super) fn read(&mut self, level: u32, number: u64) {
-        if let Some(last) = self.last.get_mut(level as usize) {
-            self.changed += u64::from(std::mem::replace(last, number >> PER_PAGE) != number >> PER_PAGE);
+        let page = number >> PER_PAGE;
+        if let Some(last) = self.last.get_mut(level as usize)
+            && std::mem::replace(last, page) != page
+        {
+            self.turn();
+        }
+    }
+
+    #[cold]
+    fn turn(&mut self) {
+        self.changed += 1;
+        if self.changed >= PAGES {
+            self.changed = 0;
+            Model::give_back_many(self.models);
         }
     }
 }
 
 /// The boxes on the way from the root to a cell.
 #[derive(Clone, Debug)]
-pub(super) struct NodePath {
-    pub(super) pages: Pages,
+pub(super) struct NodePath<'a> {
+    pub(super) pages: Pages<'a>,
     cell: [u32; 3],
     boxes: [BoxIndex; MAX_LEVELS],
     /// The lowest level of which the box is known.
@@ -367,12 +383,12 @@ pub(super) struct NodePath {
     depth: u32,
 }
 
-impl NodePath {
-    fn new(surface: &Surface<'_>) -> Self {
+impl<'a> NodePath<'a> {
+    fn new(surface: &Surface<'a>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
         let depth = surface.view.depth().min(MAX_LEVELS as u32 - 1);
         Self {
-            pages: Pages::default(),
+            pages: Pages { models: surface.models, last: [0; MAX_LEVELS], changed: 0 },
             cell: [0; 3],
             boxes: [BoxIndex::ROOT; MAX_LEVELS],
             reached: depth,

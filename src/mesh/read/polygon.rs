@@ -11,7 +11,7 @@ use earcut::Earcut;
 use crate::geom::{cross, dot};
 
 /// Most corners of a polygon that is cut; larger ones are fans. (Some 200 bytes a corner.)
-pub(crate) const MAX_CORNERS: usize = 512;
+pub(crate) const MAX_CORNERS: usize = 4096;
 /// Largest part of an area that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
