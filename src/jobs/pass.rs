@@ -9,7 +9,6 @@ use std::thread;
 use super::export::commit;
 use super::open_model::scratch_beside;
 use crate::atomic::AtomicFile;
-use crate::budget::resident_bytes;
 use crate::error::Error;
 use crate::format::Quantity;
 use crate::load::Model;
@@ -21,31 +20,28 @@ use crate::progress::Progress;
 /// Cells that a thread takes at a time.
 const CHUNK: usize = 4096;
 
-/// Most cells between two looks at the resident memory, and the growth to allow meanwhile.
-const MAX_STEPS: u64 = 512;
-const GROWTH_BYTES: u64 = 256 << 10;
+/// Cells between two looks at the resident memory.
+const STEPS: u32 = 256;
 
 /// Bytes of a table that are written at a time.
 const TEXT_BYTES: usize = 64 << 10;
 
-/// Gives the pages of models back when there are many. The faster memory grows, the more often it looks.
+/// Gives pages of models back while cells are measured.
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
-    resident: u64,
-    part: u64,
-    left: u64,
+    left: u32,
 }
 
 impl<'a> PageRelief<'a> {
     pub(super) fn new(models: &'a [&'a Model]) -> Self {
         models.iter().for_each(|model| model.give_back());
-        Self { models, resident: resident_bytes(), part: 1, left: 1 }
+        Self { models, left: STEPS }
     }
 
     /// To be called after each cell of a pass.
     #[inline]
     pub(super) fn step(&mut self) {
-        self.left = self.left.saturating_sub(1);
+        self.left -= 1;
         if self.left == 0 {
             self.look();
         }
@@ -54,10 +50,7 @@ impl<'a> PageRelief<'a> {
     /// Gives pages back if there are many.
     #[cold]
     pub(super) fn look(&mut self) {
-        let resident = resident_bytes();
-        let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
-        self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
-        (self.resident, self.left) = (resident, self.part);
+        self.left = STEPS;
         Model::give_back_many(self.models);
     }
 }
