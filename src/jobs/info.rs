@@ -14,7 +14,8 @@ use super::open_model::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{
-    Encoding, Label, Metadata, Noise, Quantity, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR,
+    Channel, Encoding, Label, Metadata, Noise, Quantity, SectionKind, SelectionKind, SurfaceKind,
+    VERSION_MAJOR,
 };
 use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault, Model};
@@ -207,6 +208,9 @@ impl Info {
                     "within {bound} mm of the cells at their edges: RMS {rms}, 99 % {p99}; at most {most}"
                 ),
             );
+        }
+        if frame.channels().any(|(channel, _)| channel == Channel::Color) {
+            row("colors", format!("one for each {}", one_of(frame)));
         }
         if let Some(quantity) = &frame.quantity {
             row("values", quantity_text(quantity));

@@ -219,6 +219,9 @@ fn cells_have_the_colours_and_parts_of_the_mesh_at_their_planes() {
         }
     }
     assert!(seen[0] == seen[1] && seen[0] > 300, "{seen:?}");
+    let model = put(folder.path(), "a.oct", &built);
+    let shown = oct(&["info", &text(&model)]).stdout;
+    assert!(shown.contains("\ncolors        one for each cell\n"), "{shown}");
     // Without colours the bytes are those of a mesh that never had any.
     let normals = Channels::default();
     let stl = put(folder.path(), "a.stl", &body.stl());
