@@ -2,7 +2,6 @@
 //! object on stdout as well.
 
 use std::borrow::Cow;
-use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -10,11 +9,14 @@ use infobyte::text::{self, shown};
 use infobyte::{Error, ErrorReport, ExitKind};
 
 /// Reason for the command to end without success.
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// Its arguments do not belong together, whatever the files contain: a sentence.
+    #[error("{0}")]
     Arguments(Cow<'static, str>),
     /// The library's error.
-    Job(Error),
+    #[error(transparent)]
+    Job(#[from] Error),
 }
 
 /// Sentences on `-` for standard input, or output, where it cannot be used.
@@ -48,21 +50,6 @@ impl From<&'static str> for Failure {
 impl From<String> for Failure {
     fn from(sentence: String) -> Self {
         Self::Arguments(sentence.into())
-    }
-}
-
-impl From<Error> for Failure {
-    fn from(cause: Error) -> Self {
-        Self::Job(cause)
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Job(cause) => cause.fmt(f),
-            Self::Arguments(sentence) => f.write_str(sentence),
-        }
     }
 }
 
