@@ -124,12 +124,26 @@ impl Band {
     }
 }
 
-/// The pixels of a tile in the band.
+/// The pixels of some tiles in the band.
 struct BandTile<'a> {
     hits: &'a mut [PixelHit],
     normals: &'a mut [[f32; 3]],
     open: &'a mut [u8],
     items: &'a mut [Item],
+}
+
+impl BandTile<'_> {
+    /// The pixels in parts of so many each.
+    fn parts(self, pixels: usize) -> impl Iterator<Item = Self> {
+        let mut items = self.items.chunks_mut(pixels);
+        let rest = self.normals.chunks_mut(pixels).zip(self.open.chunks_mut(pixels));
+        self.hits.chunks_mut(pixels).zip(rest).map(move |(hits, (normals, open))| Self {
+            hits,
+            normals,
+            open,
+            items: items.next().unwrap_or_default(),
+        })
+    }
 }
 
 /// State of a worker, from one pixel to the next.
@@ -159,23 +173,14 @@ impl Painter<'_> {
         let start = Instant::now();
         let row_pixels = band.row_pixels();
         let before = band.grow(rows);
-        let (_, hits) = band.hits.split_at_mut(before);
-        let (_, normals) = band.normals.split_at_mut(before);
-        let (_, open) = band.open.split_at_mut(before);
-        let known = before.min(band.items.len());
-        let (_, items) = band.items.split_at_mut(known);
-        let mut items = items.chunks_mut(row_pixels);
-        let rows_of_tiles: Vec<BandTile<'_>> = hits
-            .chunks_mut(row_pixels)
-            .zip(normals.chunks_mut(row_pixels))
-            .zip(open.chunks_mut(row_pixels))
-            .map(|((hits, normals), open)| BandTile {
-                hits,
-                normals,
-                open,
-                items: items.next().unwrap_or_default(),
-            })
-            .collect();
+        let items_before = before.min(band.items.len());
+        let added = BandTile {
+            hits: &mut band.hits[before..],
+            normals: &mut band.normals[before..],
+            open: &mut band.open[before..],
+            items: &mut band.items[items_before..],
+        };
+        let rows_of_tiles: Vec<_> = added.parts(row_pixels).collect();
         let counts = rows_of_tiles
             .into_par_iter()
             .enumerate()
@@ -185,15 +190,8 @@ impl Painter<'_> {
                     kept.normals.forget();
                     let limit = (rows - row * TILE).min(TILE);
                     let mut counts = Counts::default();
-                    let tiles =
-                        pixels.hits.chunks_mut(TILE_PIXELS).zip(pixels.normals.chunks_mut(TILE_PIXELS));
-                    let mut items = pixels.items.chunks_mut(TILE_PIXELS);
-                    for (tile, ((hits, normals), open)) in
-                        tiles.zip(pixels.open.chunks_mut(TILE_PIXELS)).enumerate()
-                    {
+                    for (tile, pixels) in pixels.parts(TILE_PIXELS).enumerate() {
                         let corner = [tile * TILE, top + row * TILE];
-                        let items = items.next().unwrap_or_default();
-                        let pixels = BandTile { hits, normals, open, items };
                         counts = counts.plus(self.look_at(kept, corner, limit, pixels));
                         if self.watch.ends() {
                             break;

@@ -142,12 +142,16 @@ impl<'a> Instance<'a> {
 
     /// The visible label at a hit: at a wall between two, the one behind, or where that is hidden the one before.
     fn label(&self, line: Line, hit: &Hit) -> Option<u16> {
-        let (opacity, voxel) = (self.opacity.as_ref()?, hit.voxel(self.view)?);
-        let [before, behind] = self.beside(&self.view.walls(voxel)?, line, hit);
+        let (opacity, [before, behind]) = (self.opacity.as_ref()?, self.sides(line, hit)?);
         Some(if opacity.part(behind) > 0.0 { behind } else { before })
     }
 
-    /// The labels before and behind a hit.
+    /// The labels before and behind a hit; `None` without walls.
+    pub(super) fn sides(&self, line: Line, hit: &Hit) -> Option<[u16; 2]> {
+        Some(self.beside(&self.view.walls(hit.voxel(self.view)?)?, line, hit))
+    }
+
+    /// The labels before and behind a hit in a cell with these walls.
     pub(super) fn beside(&self, walls: &Walls, line: Line, hit: &Hit) -> [u16; 2] {
         let u = cell_coordinates(&self.space, hit.cell, add_scaled(line.0, hit.t, line.1));
         let way = self.space.world_to_grid().apply_vector(line.1);
@@ -568,15 +572,8 @@ impl<'a> Body<'a> {
 
     /// First hits of a line in every box of the surface.
     fn hits(&self, line: Line) -> Vec<Hit> {
-        let (mut found, mut last) = (Vec::new(), None);
-        while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
-            && let Some(hit) =
-                self.trace(RayKind::PixelRays, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
-        {
-            found.push(hit);
-            last = Some(hit);
-        }
-        found
+        let next = |last: Option<&Hit>| self.hit(RayKind::PixelRays, line, 0.0, last);
+        std::iter::successors(next(None), |last| next(Some(last))).collect()
     }
 
     /// Inside segments of a line of this length within every box of the surface. A line in the other direction finds

@@ -27,9 +27,8 @@ impl Body<'_> {
             let line = (at, direction);
             let (ray, _) = self.ray(line, 0.0, None)?;
             let hit = single::trace(self.form, self.part.view(), &Skin, &ray, 0).hit?;
-            let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;
             // A hit at an edge is inconclusive; the next line decides.
-            let [before, behind] = self.part.beside(&walls, line, &hit);
+            let [before, behind] = self.part.sides(line, &hit)?;
             if before == behind {
                 return Some((hit, behind));
             }
@@ -48,9 +47,8 @@ impl Body<'_> {
         };
         let mut met = first();
         while let Some(hit) = met {
-            let walls = hit.voxel(self.part.view()).and_then(|cell| self.part.view().walls(cell));
-            let (Some(walls), Some(hidden)) = (walls, self.part.hidden()) else { break };
-            let [_, behind] = self.part.beside(&walls, line, &hit);
+            let sides = self.part.sides(line, &hit);
+            let (Some([_, behind]), Some(hidden)) = (sides, self.part.hidden()) else { break };
             if now.1 > 0 {
                 runs.push(([now.0, hit.t], now.1));
             }
@@ -63,20 +61,16 @@ impl Body<'_> {
     /// The next wall behind a wall met at t = 0, ignoring slivers: planes of neighbouring cells are a little apart, and
     /// of two planes crossed at once the last one counts.
     pub(super) fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
-        let sides = |hit: &Hit| {
-            let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;
-            Some(self.part.beside(&walls, line, hit))
-        };
         let mut met = self.beyond(line, &Hit { t: 0.0, ..*wall })?;
         loop {
-            let [before, behind] = sides(&met)?;
+            let [before, behind] = self.part.sides(line, &met)?;
             if before == behind {
                 met = self.beyond(line, &met)?;
                 continue;
             }
             let next = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER);
             match next {
-                Some(next) if sides(&next)?[1] == before => met = self.beyond(line, &next)?,
+                Some(next) if self.part.sides(line, &next)?[1] == before => met = self.beyond(line, &next)?,
                 _ => return Some(met),
             }
         }
