@@ -123,7 +123,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) ao_rays: Option<u32>,
     /// What rays hit: the first voxel that the line intersects, or that of a discrete 6-connected ray
-    #[arg(long, default_value = "exact", value_parser = parse::one_of(&Traversal::ALL, Traversal::name))]
+    #[arg(long, default_value = "exact", value_parser = parse::one_of(Traversal::ALL, Traversal::name))]
     pub(crate) traversal: Traversal,
     /// Six views on one sheet, each framed separately
     #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::{Element, PyArray1, PyReadonlyArray1};
@@ -125,9 +125,13 @@ impl Handle {
     /// Runs a job on the model, whose file is checked before and after. Bytes that change meanwhile may be those of no
     /// valid model, and the job may then panic: this is an error of the file, too.
     fn unchanged<T>(&self, job: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-        check(&self.bytes.0, &self.path)?;
+        let check = || match &*self.bytes.0 {
+            Store::Mapped(_, file, then) => then.check(file, &self.path),
+            Store::Read(_) => Ok(()),
+        };
+        check()?;
         let made = catch_unwind(AssertUnwindSafe(job));
-        check(&self.bytes.0, &self.path)?;
+        check()?;
         made.unwrap_or_else(|panic| resume_unwind(panic))
     }
 }
@@ -137,13 +141,6 @@ fn read_whole(file: &PositionalFile, bytes: usize) -> io::Result<Vec<u8>> {
     whole.try_reserve_exact(bytes)?;
     file.onwards(0).take(bytes as u64).read_to_end(&mut whole)?;
     Ok(whole)
-}
-
-fn check(store: &Store, path: &Path) -> Result<(), Error> {
-    match store {
-        Store::Mapped(_, file, then) => Ok(then.check(file, path)?),
-        Store::Read(_) => Ok(()),
-    }
 }
 
 /// A flat array of numbers as triples.

@@ -272,22 +272,15 @@ fn directions<R: ReadAt + ?Sized>(
 ) -> Result<(), Stop> {
     let kind = SectionKind::Voxels(Channel::Normal);
     let mut bytes = Vec::new();
-    voxels::<DirectionCoder, R>(
-        stored,
-        mapped,
-        writer,
-        out,
-        kind,
-        |_| Ok(()),
-        |group, writer| {
-            // In parts, so as not to hold them twice.
-            group.normals.chunks(1 << 12).try_for_each(|part| {
-                bytes.clear();
-                bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
-                writer.write(&bytes)
-            })
-        },
-    )
+    let read = |_: &mut Group| Ok(());
+    voxels::<DirectionCoder, R>(stored, mapped, writer, out, kind, read, |group, writer| {
+        // In parts, so as not to hold them twice.
+        group.normals.chunks(1 << 12).try_for_each(|part| {
+            bytes.clear();
+            bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
+            writer.write(&bytes)
+        })
+    })
 }
 
 fn distances<R: ReadAt + ?Sized>(
