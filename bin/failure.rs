@@ -65,15 +65,11 @@ impl Failure {
 
 /// Reports a failure on stderr, and as an object on stdout if that was asked for. There may be no listener.
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
-    let sentence = one_line(sentence);
+    // One line, whatever a file's name contains.
+    let sentence = shown(sentence).to_string();
     if as_json {
         let _ = writeln!(io::stdout(), "{}", text::json(&ErrorReport::new(&sentence, kind)));
     }
     let _ = writeln!(io::stderr(), "oct: {sentence}");
     ExitCode::from(kind.code())
-}
-
-/// The text on one line, whatever a file's name contains.
-pub(crate) fn one_line(text: &str) -> String {
-    shown(text).to_string()
 }

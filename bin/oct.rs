@@ -51,7 +51,7 @@ use serde::Serialize;
 
 use args::{Cli, Command, RunArgs, Switch, cores, placed};
 use bars::{Bars, BatchBars};
-use failure::{Failure, dash, not_of, one_line, tell};
+use failure::{Failure, dash, not_of, tell};
 use pictures::print_picture;
 use streams::{
     Input, Output, Written, check_suffixes, copy_to_stdout, is_dash, refuse_dash, write_to_stdout,
@@ -421,7 +421,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     let report = match report {
         Err(e) if args.json && !first => {
             // The object on stdout is closed with the error.
-            let sentence = one_line(&e.to_string());
+            let sentence = shown(&e.to_string()).to_string();
             let rest = text::json(&ErrorReport::new(&sentence, e.kind()));
             let _ = writeln!(io::stdout(), "\n],{}", rest.strip_prefix('{').unwrap_or(&rest));
             return Ok(tell(&sentence, e.kind(), false));

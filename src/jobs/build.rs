@@ -85,8 +85,7 @@ pub struct GridOptions {
 impl Default for GridOptions {
     /// No grid, units of a millimetre.
     fn default() -> Self {
-        let (grid, fill, unit_mm, up) = (None, None, 1.0, UpAxis::Z);
-        Self { grid, unit_mm, up, fill, keep_thin: false, follow_links: false }
+        Self { grid: None, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
     }
 }
 

@@ -267,7 +267,8 @@ pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartRepo
         part_voxels = Some(input.build(&mut opened, &options, folder, &[id])?);
     }
     let surface = input.job.options.volume_surface();
-    Ok(PartReport::new(plan, number, &id.path(folder), started).with_voxels(part_voxels, surface))
+    let report = PartReport::new(plan, number, &id.path(folder), started);
+    Ok(PartReport { was_there, part_voxels, surface, ..report })
 }
 
 /// True for an existing, whole and sound part. A damaged one is built again; one that cannot be read is not replaced.

@@ -242,7 +242,7 @@ fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &R
     };
     let title = match outputs.title {
         Some("") => {
-            let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip().is_empty());
+            let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip.is_empty());
             let uncut = if is_cut { " (uncut)" } else { "" };
             Some(size_title(shown(path.file_stem().unwrap_or_default()), support) + uncut)
         }

@@ -155,7 +155,7 @@ fn parts<'a, D: AsRef<[u8]>>(
 /// The colours of the first model that shows measured values.
 fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Instance<'_>]) -> Option<Ramp> {
     let ((_, model, ..), part) = models.iter().zip(parts).find(|(_, part)| part.shows_values())?;
-    Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view().value_colors()?))
+    Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view.value_colors()?))
 }
 
 /// Calls `job` with the models in their places; refuses an impossible size, and a slice that meets nothing.
@@ -244,7 +244,7 @@ pub(crate) fn camera_of<D: AsRef<[u8]>>(
     with_model(Path::new(""), model, (request, false), |bodies| {
         let request = RenderRequest { annotate: false, ..request.clone() };
         let camera = super::render::Prepared::new(bodies, &request, &PictureMemory::none())?.look.camera;
-        let space = bodies.parts.first().map(|part| part.space().clone()).ok_or(Error::Internal)?;
+        let space = bodies.parts.first().map(|part| part.space.clone()).ok_or(Error::Internal)?;
         Ok((space, camera))
     })
 }

@@ -64,8 +64,7 @@ pub(super) fn build_files(
     let wrong = |sentence: String| usage(py, &sentence);
     let how = asked.opening().map_err(wrong)?;
     let kind = if how.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(&paths) };
-    let options = asked.options().map_err(wrong)?;
-    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
+    let (options, clean, grid) = asked.all().map_err(wrong)?;
     let summary = watched(py, progress, |progress| {
         let job = BuildJob { clean: &clean, grid: &grid, options: &options, output: &output, progress };
         match asked.each() {
@@ -144,9 +143,7 @@ fn build_volume(
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let started = Instant::now();
-    let wrong = |sentence: String| usage(py, &sentence);
-    let options = asked.options().map_err(wrong)?;
-    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
+    let (options, clean, grid) = asked.all().map_err(|sentence| usage(py, &sentence))?;
     let mut warnings = sentences(&volume.info().notes);
     let input = volume.info().description.name.clone();
     let build = |job: &BuildJob<'_>| {

@@ -83,7 +83,7 @@ impl BuildAsked {
         self.each.as_ref().map(|folder| EachLabel { folder, replace: true, keep_whole: true })
     }
 
-    pub(super) fn options(&self) -> Result<BuildOptions, String> {
+    fn options(&self) -> Result<BuildOptions, String> {
         let mut options: BuildOptions = parsed(&self.build)?;
         options.visible_from =
             self.visible_from.iter().map(|from| viewed_from(from)).collect::<Result<_, _>>()?;
@@ -103,12 +103,9 @@ impl BuildAsked {
         }
     }
 
-    pub(super) fn cleaning(&self) -> Result<CleanOptions, String> {
-        parsed(&self.clean)
-    }
-
-    pub(super) fn grid(&self) -> Result<GridOptions, String> {
-        parsed(&self.grid)
+    /// The options of the build, of the cleaning before it, and of the grid of meshes.
+    pub(super) fn all(&self) -> Result<(BuildOptions, CleanOptions, GridOptions), String> {
+        Ok((self.options()?, parsed(&self.clean)?, parsed(&self.grid)?))
     }
 
     pub(super) fn opening(&self) -> Result<OpenOptions, String> {

@@ -277,7 +277,7 @@ impl Painter<'_> {
         else {
             return 0;
         };
-        let (view, cells) = (body.part.view(), body.cells.as_ref());
+        let (view, cells) = (body.part.view, body.cells.as_ref());
         lot.begin();
         let (mut traced, mut level) = (0, body.level);
         let hits = met.iter().enumerate().filter_map(|(at, met)| match met {
@@ -296,7 +296,7 @@ impl Painter<'_> {
             let normal = out.normals.get(at).copied().unwrap_or_default().map(f64::from);
             let away = dot(normal, sight) > 0.0;
             let place = ShadedPoint {
-                space: body.part.space(),
+                space: &body.part.space,
                 hit,
                 point: add_scaled(origin, hit.t, sight),
                 normal: if away { normal.map(|c| -c) } else { normal },
@@ -404,7 +404,7 @@ impl Painter<'_> {
     /// The number of a pixel's visible label; `None` for a model without labels.
     fn label(&self, (hit, _, _, item): BandPixel, [x, y]: [usize; 2]) -> Option<u16> {
         let body = self.stage.world.bodies.get(usize::from(item.body))?;
-        body.part.view().labels()?;
+        body.part.view.labels()?;
         if let Some((_, label)) = hit.cut_of() {
             return Some(label);
         }
@@ -413,7 +413,7 @@ impl Painter<'_> {
         }
         let line = self.line(Group::Pixels([x, y], (1, 1)), 0);
         let met = body.normals.label(hit, line).map(|label| label.number);
-        met.or_else(|| label_of(body.part.view(), hit))
+        met.or_else(|| label_of(body.part.view, hit))
     }
 
     /// Number of a pixel's visible label, or of its box, from 1 on. Numbers of the second model start at 2^32, and so

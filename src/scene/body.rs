@@ -51,14 +51,14 @@ const WALL: f64 = 1.75;
 /// A model, its place in the scene, and its material.
 #[derive(Debug)]
 pub struct Instance<'a> {
-    view: &'a ModelView<'a>,
-    space: GridSpace,
+    pub(crate) view: &'a ModelView<'a>,
+    pub(crate) space: GridSpace,
     /// Number of the file: models of one file share it.
-    file: usize,
-    material: Material,
+    pub(crate) file: usize,
+    pub(super) material: Material,
     colors: Option<Colors<'a>>,
     opacity: Option<Opacity<'a>>,
-    clip: Clip,
+    pub(crate) clip: Clip,
     /// Bounds of the visible labels; found when a camera is first placed.
     visible: OnceLock<Bounds>,
 }
@@ -213,26 +213,6 @@ impl<'a> Instance<'a> {
         let hidden = self.opacity.as_ref().filter(|opacity| opacity.hides_some())?.hidden(true);
         let bounds = || self.space.bounds_of_visible(self.view, hidden, look);
         Some((hidden, *self.visible.get_or_init(bounds)))
-    }
-
-    pub(crate) fn view(&self) -> &'a ModelView<'a> {
-        self.view
-    }
-
-    pub(crate) fn space(&self) -> &GridSpace {
-        &self.space
-    }
-
-    pub(crate) fn file(&self) -> usize {
-        self.file
-    }
-
-    pub(super) fn material(&self) -> &Material {
-        &self.material
-    }
-
-    pub(crate) fn clip(&self) -> &Clip {
-        &self.clip
     }
 }
 

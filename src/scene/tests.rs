@@ -225,7 +225,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         let part = part(&model, &view, &at_home).labelled(Some(opacity));
         let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
         let none = Hidden::of(std::iter::empty());
-        let space = part.space();
+        let space = &part.space;
         let sample = |p: [i64; 3]| {
             let within = p.iter().all(|c| (0..i64::from(side)).contains(c));
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within")]

@@ -26,7 +26,7 @@ impl Body<'_> {
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
             let line = (at, direction);
             let (ray, _) = self.ray(line, 0.0, None)?;
-            let hit = single::trace(self.form, self.part.view(), &Skin, &ray, 0).hit?;
+            let hit = single::trace(self.form, self.part.view, &Skin, &ray, 0).hit?;
             // A hit at an edge is inconclusive; the next line decides.
             let [before, behind] = self.part.sides(line, &hit)?;
             if before == behind {
@@ -41,8 +41,8 @@ impl Body<'_> {
         let (mut runs, mut now): (Vec<([f64; 2], u16)>, _) = (Vec::new(), (0.0, 0));
         let first = || {
             let (ray, before) = self.ray(line, 0.0, None)?;
-            let cells = Cells::new(self.part.view().cells()?).hiding(self.part.hidden()?, 0);
-            let hit = single::trace(self.form, self.part.view(), &cells, &ray, 0).hit?;
+            let cells = Cells::new(self.part.view.cells()?).hiding(self.part.hidden()?, 0);
+            let hit = single::trace(self.form, self.part.view, &cells, &ray, 0).hit?;
             Some(Hit { t: before + hit.t, ..hit })
         };
         let mut met = first();
@@ -79,12 +79,12 @@ impl Body<'_> {
     /// The next change of label behind a wall.
     pub(super) fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let (part, hidden) = (self.part, self.part.hidden()?);
-        let walls = part.view().walls(wall.voxel(part.view())?)?;
+        let walls = part.view.walls(wall.voxel(part.view)?)?;
         let [_, behind] = part.beside(&walls, line, wall);
         let mut label = hidden.seen(behind);
         // Within the cell, in its own coordinates.
-        let u = cell_coordinates(part.space(), wall.cell, add_scaled(line.0, wall.t, line.1));
-        let way = part.space().world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
+        let u = cell_coordinates(&part.space, wall.cell, add_scaled(line.0, wall.t, line.1));
+        let way = part.space.world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
         let end = (0..3).filter(|a| way[*a] != 0.0).map(|a| (way[a].signum() - u[a]) / way[a]);
         let end = end.fold(f64::INFINITY, f64::min);
         let mut crossings = walls.crossings(u, way);
@@ -98,8 +98,8 @@ impl Body<'_> {
             label = here;
         }
         let (ray, before) = self.ray(line, wall.t, Some(wall))?;
-        let cells = Cells::new(part.view().cells()?).hiding(hidden, label);
-        let hit = single::trace(self.form, part.view(), &cells, &ray, 0).hit?;
+        let cells = Cells::new(part.view.cells()?).hiding(hidden, label);
+        let hit = single::trace(self.form, part.view, &cells, &ray, 0).hit?;
         Some(Hit { t: before + hit.t, ..hit })
     }
 }

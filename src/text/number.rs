@@ -37,9 +37,7 @@ impl fmt::Display for Rounded {
 /// A number and its error, rounded to the same place: the error to two digits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WithError {
-    /// The number.
     pub value: f64,
-    /// Error to either side.
     pub error: f64,
 }
 
