@@ -31,9 +31,7 @@ pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
         .num_threads(threads.max(1))
         .stack_size(WORKER_STACK_BYTES)
         .build()
-        .map_err(|cause| {
-            RenderError::from(RenderFault::Threads { threads, cause: std::io::Error::other(cause) })
-        })
+        .map_err(|cause| RenderFault::Threads { threads, cause: std::io::Error::other(cause) }.into())
 }
 
 /// Grey of a depth in a depth image of this range.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::cpu::Form;
 use crate::geom::{NodeIndex, add_scaled, dot};
 use crate::render::Samples;
-use crate::render::ambient::{RayBatch, ShadedPoint, tangents};
+use crate::render::ambient::{RayBatch, ShadedPoint, Sky, tangents};
 use crate::render::ambient_filter::{Patch, WIDE};
 use crate::render::colors::label_of;
 use crate::render::image::Image;
@@ -255,10 +255,8 @@ impl Painter<'_> {
             let line = self.line(group, ray);
             let spot = self.stage.spot(&mut kept.memory, &Branch::first(line), number, met);
             let pixel = [corner[0] + ray % TILE, corner[1] + ray / TILE];
-            let open = self
-                .sky
-                .as_ref()
-                .map_or(1.0, |sky| self.stage.openness(&mut kept.memory, &spot, sky.of(pixel)));
+            let openness = |sky: &Sky| self.stage.openness(&mut kept.memory, &spot, sky.of(pixel));
+            let open = self.sky.as_ref().map_or(1.0, openness);
             #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
             let normal = spot.shown.map(|c| c as f32);
             let item = Item { body: u16::try_from(number).unwrap_or(u16::MAX), label: spot.label };

@@ -96,10 +96,8 @@ fn plane_blocks<R: ReadAt + ?Sized>(
 }
 
 fn length(len: usize) -> Result<u32, CodingError> {
-    u32::try_from(len)
-        .ok()
-        .filter(|len| *len <= GROUP_BYTES_LIMIT)
-        .ok_or(CodingError("a packed group passes its limit (SPEC 5.2)"))
+    let stored = u32::try_from(len).ok().filter(|len| *len <= GROUP_BYTES_LIMIT);
+    stored.ok_or(CodingError("a packed group passes its limit (SPEC 5.2)"))
 }
 
 /// One group after the other (SPEC 5.2); `read` adds the codec's items to its subtrees.
