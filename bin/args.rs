@@ -112,35 +112,6 @@ pub(crate) enum Command {
     Man(ManArgs),
 }
 
-impl Command {
-    /// True if the report is asked for as JSON.
-    pub(crate) fn json(&self) -> bool {
-        match self {
-            Self::Build(args) => args.build.json,
-            Self::Batch(args) => args.json,
-            Self::Scan(args) => args.json,
-            Self::Plan(args) => args.build.json,
-            Self::Part(args) => args.json,
-            Self::Merge(args) => args.json,
-            Self::Info(args) => args.json,
-            Self::Verify(args) => args.json,
-            Self::Pack(args) | Self::Unpack(args) => args.json,
-            Self::Strip(args) => args.files.json,
-            Self::Export(args) => args.json,
-            Self::Intersect(args) => args.json,
-            Self::Compare(args) => args.run.json,
-            Self::Thickness(args) => args.run.json,
-            Self::Pores(args) => args.json,
-            Self::Render(args) => args.json,
-            Self::Thumbnail(args) => args.json,
-            Self::Demo(args) => args.json,
-            Self::Selfcheck(args) => args.json,
-            Self::Report(args) => args.json,
-            Self::Completions(_) | Self::Man(_) | Self::View(_) => false,
-        }
-    }
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct StripArgs {
     #[command(flatten)]
@@ -170,7 +141,7 @@ pub(crate) struct ExportArgs {
     /// What to write: triangles (stl, ply, obj, glb, 3mf; one part per label), points (a PLY of the skin), a mask
     /// (nrrd, nii, nii.gz), a page that shows the model in a browser (html), or one that fetches it from its web server
     /// (linked); by default what the file name implies
-    #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
+    #[arg(long = "as", value_name = "FORM", value_parser = parse::one_of(&ExportForm::ALL, ExportForm::name))]
     pub(crate) form: Option<ExportForm>,
     /// Leave out corners of triangles while the surface stays this close to the full one: in voxels of the finest
     /// spacing (0.1), or in mm (0.05mm)
@@ -191,12 +162,8 @@ pub(crate) struct ExportArgs {
     /// Write even if the name says that the file is of another kind
     #[arg(long)]
     pub(crate) force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }
 
 #[derive(Debug, Args)]
@@ -238,12 +205,8 @@ pub(crate) struct PoresArgs {
     /// Measure how far each pore is from the outer surface
     #[arg(long, conflicts_with = "bodies")]
     pub(crate) gap: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }
 
 #[derive(Debug, Args)]
@@ -356,12 +319,35 @@ pub(crate) struct ReportArgs {
     pub(crate) pixels: u32,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
+}
+
+/// The report of a command that shows its progress.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
     /// No progress
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+impl RunArgs {
+    /// True if no progress is shown.
+    pub(crate) fn is_silent(&self) -> bool {
+        self.quiet || self.json
+    }
+}
+
+/// A placement that was given in full, or as a translation.
+pub(crate) fn placed(place: Option<Affine>, moved: Option<[f64; 3]>) -> Affine {
+    let mut placement = place.unwrap_or(Affine::from_spacing([1.0; 3]));
+    for (row, by) in placement.rows.iter_mut().zip(moved.unwrap_or_default()) {
+        row[3] += by;
+    }
+    placement
 }
 
 /// How many threads work.
@@ -397,8 +383,8 @@ mod tests {
 
     use super::*;
 
-    fn build(extra: &[&str]) -> Result<BuildArgs, clap::Error> {
-        let line = ["oct", "build", "in.raw", "-o", "out.oct"].iter().chain(extra);
+    fn build(extra: &str) -> Result<BuildArgs, clap::Error> {
+        let line = ["oct", "build", "in.raw", "-o", "out.oct"].into_iter().chain(extra.split_whitespace());
         match Cli::try_parse_from(line)?.command {
             Command::Build(args) => Ok(args.build),
             other => panic!("{other:?}"),
@@ -407,50 +393,40 @@ mod tests {
 
     #[test]
     fn negative_values_and_ranges_are_understood_and_exclude_each_other() {
-        assert_eq!(build(&["--iso", "-300"]).unwrap().selection.iso, Some(-300.0));
-        assert_eq!(build(&["--iso=-300"]).unwrap().selection.iso, Some(-300.0));
-        assert_eq!(build(&["--range", "-300..500"]).unwrap().selection.range, Some([-300.0, 500.0]));
-        assert_eq!(build(&["--range", "-3.5..-1"]).unwrap().selection.range, Some([-3.5, -1.0]));
-        assert_eq!(build(&[]).unwrap().memory, 64 << 20);
+        assert_eq!(build("--iso -300").unwrap().selection.iso, Some(-300.0));
+        assert_eq!(build("--iso=-300").unwrap().selection.iso, Some(-300.0));
+        assert_eq!(build("--range -300..500").unwrap().selection.range, Some([-300.0, 500.0]));
+        assert_eq!(build("--range -3.5..-1").unwrap().selection.range, Some([-3.5, -1.0]));
+        assert_eq!(build("").unwrap().memory, 64 << 20);
         for bad in [
-            vec!["--iso", "1", "--otsu"],
-            vec!["--iso", "1", "--range", "1..2"],
-            vec!["--iso", "nan"],
-            vec!["--range", "5..1"],
-            vec!["--range", "5"],
-            vec!["--threads", "0"],
-            vec!["--channels", "smell"],
-            vec!["--connectivity", "18"],
-            vec!["--dims", "4x4"],
-            vec!["--dims", "0x4x4"],
-            vec!["--spacing", "1x1x0"],
-            vec!["--orientation", "LRS"],
-            vec!["--dtype", "u12"],
-            vec!["--memory", "lots"],
+            "--iso 1 --otsu",
+            "--iso 1 --range 1..2",
+            "--iso nan",
+            "--range 5..1",
+            "--range 5",
+            "--threads 0",
+            "--channels smell",
+            "--connectivity 18",
+            "--dims 4x4",
+            "--dims 0x4x4",
+            "--spacing 1x1x0",
+            "--orientation LRS",
+            "--dtype u12",
+            "--memory lots",
         ] {
-            assert_eq!(build(&bad).unwrap_err().exit_code(), 2, "{bad:?}");
+            assert_eq!(build(bad).unwrap_err().exit_code(), 2, "{bad}");
         }
     }
 
     #[test]
     fn raw_options_parse() {
-        let raw = build(&[
-            "--dims",
-            "3x4x5",
-            "--dtype",
-            "i16be",
-            "--spacing",
-            "0.5x0.5x1.25",
-            "--orientation",
-            "rai",
-        ])
-        .unwrap()
-        .raw;
+        let line = "--dims 3x4x5 --dtype i16be --spacing 0.5x0.5x1.25 --orientation rai";
+        let raw = build(line).unwrap().raw;
         assert_eq!(raw.dims.unwrap().to_array(), [3, 4, 5]);
         assert_eq!(raw.dtype, Some((ScalarType::I16, Endian::Big)));
         assert_eq!(raw.spacing, Some([0.5, 0.5, 1.25]));
         assert_eq!(raw.orientation.unwrap().to_string(), "RAI");
-        assert_eq!(build(&["--spacing", "0.5,0.5,1.25"]).unwrap().raw.spacing, raw.spacing);
+        assert_eq!(build("--spacing 0.5,0.5,1.25").unwrap().raw.spacing, raw.spacing);
     }
 
     #[test]

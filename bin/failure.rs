@@ -2,7 +2,6 @@
 //! object on stdout as well.
 
 use std::borrow::Cow;
-use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -10,11 +9,14 @@ use infobyte::text::{self, shown};
 use infobyte::{Error, ErrorReport, ExitKind};
 
 /// Reason for the command to end without success.
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// Its arguments do not belong together, whatever the files contain: a sentence.
+    #[error("{0}")]
     Arguments(Cow<'static, str>),
     /// The library's error.
-    Job(Error),
+    #[error(transparent)]
+    Job(#[from] Error),
 }
 
 /// Sentences on `-` for standard input, or output, where it cannot be used.
@@ -51,21 +53,6 @@ impl From<String> for Failure {
     }
 }
 
-impl From<Error> for Failure {
-    fn from(cause: Error) -> Self {
-        Self::Job(cause)
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Job(cause) => cause.fmt(f),
-            Self::Arguments(sentence) => f.write_str(sentence),
-        }
-    }
-}
-
 impl Failure {
     /// Kind of the exit code.
     pub(crate) fn kind(&self) -> ExitKind {
@@ -78,15 +65,11 @@ impl Failure {
 
 /// Reports a failure on stderr, and as an object on stdout if that was asked for. There may be no listener.
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
-    let sentence = one_line(sentence);
+    // One line, whatever a file's name contains.
+    let sentence = shown(sentence).to_string();
     if as_json {
         let _ = writeln!(io::stdout(), "{}", text::json(&ErrorReport::new(&sentence, kind)));
     }
     let _ = writeln!(io::stderr(), "oct: {sentence}");
     ExitCode::from(kind.code())
-}
-
-/// The text on one line, whatever a file's name contains.
-pub(crate) fn one_line(text: &str) -> String {
-    shown(text).to_string()
 }

@@ -19,13 +19,13 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, Parser};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::cpu::Form;
 use infobyte::export::ExportForm;
 use infobyte::format::SurfaceKind;
-use infobyte::geom::{Affine, Orientation};
+use infobyte::geom::Orientation;
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
 use infobyte::jobs::compare::{CompareOutputs, Verdict};
@@ -49,9 +49,9 @@ use infobyte::volume::Placement;
 use infobyte::{CleanOptions, Error, ErrorReport, ExitKind, Progress};
 use serde::Serialize;
 
-use args::{Cli, Command, Switch, cores};
+use args::{Cli, Command, RunArgs, Switch, cores, placed};
 use bars::{Bars, BatchBars};
-use failure::{Failure, dash, not_of, one_line, tell};
+use failure::{Failure, dash, not_of, tell};
 use pictures::print_picture;
 use streams::{
     Input, Output, Written, check_suffixes, copy_to_stdout, is_dash, refuse_dash, write_to_stdout,
@@ -63,11 +63,11 @@ fn main() -> ExitCode {
     jobs::give_back();
     platform::report_size_limits();
     text::spell(cure::spelled);
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let read = |given: ArgMatches| Ok((Cli::from_arg_matches(&given)?, is_json(&given)));
+    let (cli, as_json) = match Cli::command().try_get_matches().and_then(read) {
+        Ok(read) => read,
         Err(e) => return refuse(&e),
     };
-    let as_json = cli.command.json();
     if let Err(sentence) = Form::chosen() {
         return tell(sentence, ExitKind::Usage, as_json);
     }
@@ -75,6 +75,12 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(e) => tell(&e.to_string(), e.kind(), as_json),
     }
+}
+
+/// True if the report is asked for as JSON; some commands have none.
+fn is_json(given: &ArgMatches) -> bool {
+    let command = given.subcommand().map(|(_, command)| command);
+    command.is_some_and(|command| matches!(command.try_get_one("json"), Ok(Some(true))))
 }
 
 /// Help and version are printed as they are; wrong usage is one sentence like every other error.
@@ -243,7 +249,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Selfcheck(args) => selfcheck(&args),
         Command::Completions(args) => Ok(manual::completions(args.shell)?),
         Command::Man(args) => {
-            refuse_dash([args.folder.as_path()], dash::FOLDER)?;
+            refuse_dash([&args.folder], dash::FOLDER)?;
             Ok(manual::pages(&args.folder)?)
         }
         Command::Report(args) => report(&args),
@@ -257,7 +263,7 @@ fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failur
     // Memory of reading the arguments is given back before the job.
     jobs::give_back();
     let build = Build::of(args)?;
-    let mut summary = Bars::during(args.quiet || args.json, |bars| {
+    let mut summary = Bars::during(args.run.is_silent(), |bars| {
         let (kind, inputs, how, job) =
             (build.kind, &build.inputs, &build.how, build.job(args.output(), bars));
         match each {
@@ -269,7 +275,7 @@ fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failur
         }
     })?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
-    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
+    Ok(print_unless_quiet(&args.run, || summary.json(), || summary.text())?)
 }
 
 /// Inputs and options of a build, in the library's terms.
@@ -301,7 +307,7 @@ impl Build {
             }
             [only] if is_dash(only) => return Err(dash::VOLUME.into()),
             several => {
-                refuse_dash(several.iter().map(PathBuf::as_path), dash::AMONG_FILES)?;
+                refuse_dash(several, dash::AMONG_FILES)?;
                 (several.to_vec(), None)
             }
         };
@@ -326,8 +332,8 @@ impl Build {
 }
 
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
-    refuse_dash([args.out.as_path()], dash::FOLDER)?;
+    refuse_dash(&args.input, dash::SEARCH)?;
+    refuse_dash([&args.out], dash::FOLDER)?;
     args.skin.refuse_ignored(None)?;
     args.clean.refuse_ignored()?;
     let jobs = args.jobs.unwrap_or_else(cores);
@@ -354,15 +360,15 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         series: args.series.clone(),
     };
     // Thumbnails are made from models in that folder.
-    platform::tell_of(&args.out, args.json);
+    platform::tell_of(&args.out, args.run.json);
     let is_cells = request.build.volume_surface() == SurfaceKind::Cells;
     let boxes = if is_cells { "cells" } else { "skin voxels" };
-    let bars = BatchBars::new(jobs, args.quiet || args.json, boxes);
+    let bars = BatchBars::new(jobs, args.run.is_silent(), boxes);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
     let report = report?;
     let counts = report.counts;
-    let code = if args.json {
+    let code = if args.run.json {
         // The items come from the report just written: they are never all in memory.
         copy_to_stdout(&args.out.join("report.json"))?
     } else {
@@ -387,7 +393,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
 const SCAN_OPENING_BYTES: u64 = 256 << 20;
 
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
+    refuse_dash(&args.input, dash::SEARCH)?;
     let mut first = true;
     let notice = ScanReport::notice();
     let begin = if args.json {
@@ -415,7 +421,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     let report = match report {
         Err(e) if args.json && !first => {
             // The object on stdout is closed with the error.
-            let sentence = one_line(&e.to_string());
+            let sentence = shown(&e.to_string()).to_string();
             let rest = text::json(&ErrorReport::new(&sentence, e.kind()));
             let _ = writeln!(io::stdout(), "\n],{}", rest.strip_prefix('{').unwrap_or(&rest));
             return Ok(tell(&sentence, e.kind(), false));
@@ -508,17 +514,16 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let request = export_request(args, form, &rules)?;
     if form == ExportForm::Linked {
         // The page fetches the model by its name.
-        refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
+        refuse_dash([&args.model], dash::AMONG_FILES)?;
     }
-    let output = Output::of(named, Written::Export, args.force, args.json)?;
+    let output = Output::of(named, Written::Export, args.force, args.run.json)?;
     let model = Input::of(&args.model)?;
-    platform::tell_of(&args.model, args.json);
-    let mut report = Bars::during(args.quiet || args.json, |bars| {
+    platform::tell_of(&args.model, args.run.json);
+    let mut report = Bars::during(args.run.is_silent(), |bars| {
         jobs::export::export(model.path(), output.path(), request, bars)
     })?;
     (report.input, report.output) = (data(&args.model), data(named));
-    let text = || if args.quiet { String::new() } else { report.text() };
-    output.finish(|| print(args.json, || &report, text))
+    output.finish(|| print_unless_quiet(&args.run, || &report, || report.text()))
 }
 
 /// Writes a file for each label.
@@ -529,15 +534,14 @@ fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     if !request.form.has_triangles() {
         return Err(not_of("--each", TRIANGLES).into());
     }
-    refuse_dash([folder.as_path()], dash::FOLDER)?;
+    refuse_dash([&folder], dash::FOLDER)?;
     let model = Input::of(&args.model)?;
-    platform::tell_of(&args.model, args.json);
-    let mut report = Bars::during(args.quiet || args.json, |bars| {
+    platform::tell_of(&args.model, args.run.json);
+    let mut report = Bars::during(args.run.is_silent(), |bars| {
         jobs::export::export_each(model.path(), &folder, request, bars)
     })?;
     report.input = data(&args.model);
-    let text = || if args.quiet { String::new() } else { report.text() };
-    Ok(print(args.json, || &report, text)?)
+    Ok(print_unless_quiet(&args.run, || &report, || report.text())?)
 }
 
 /// Forms that have surfaces.
@@ -570,7 +574,7 @@ fn export_request<'a>(
 }
 
 fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
+    refuse_dash([&args.model], dash::AMONG_FILES)?;
     platform::tell_of(&args.model, false);
     let request = ViewRequest { port: args.port, idle: args.idle.map(Duration::from_secs) };
     let ready = |address: &str| {
@@ -585,12 +589,9 @@ fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {
 }
 
 fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.one.as_path(), args.other.as_path()], dash::AMONG_FILES)?;
+    refuse_dash([&args.one, &args.other], dash::AMONG_FILES)?;
     platform::tell_of(&args.one, args.json);
-    let mut placement = args.place.unwrap_or(Affine::from_spacing([1.0; 3]));
-    for (row, by) in placement.rows.iter_mut().zip(args.moved.unwrap_or_default()) {
-        row[3] += by;
-    }
+    let placement = placed(args.place, args.moved);
     let report = jobs::intersect::intersect([&args.one, &args.other], &placement, args.clearance.is_some())?;
     let shown = print(args.json, || &report, || report.text())?;
     let is_too_near = args.clearance.is_some_and(|mm| !report.is_clear_by(mm));
@@ -599,11 +600,11 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
 
 /// Checks the arguments of a measurement.
 fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<(), Failure> {
-    refuse_dash(inputs.iter().copied(), dash::AMONG_FILES)?;
-    refuse_dash(run.output.as_deref(), dash::MODEL)?;
-    refuse_dash(run.csv.as_deref(), dash::LAYER)?;
-    check_suffixes(run.output.as_deref(), Written::Model, run.force)?;
-    inputs.iter().take(1).for_each(|input| platform::tell_of(input, run.json));
+    refuse_dash(inputs, dash::AMONG_FILES)?;
+    refuse_dash(&run.output, dash::MODEL)?;
+    refuse_dash(&run.csv, dash::LAYER)?;
+    check_suffixes(&run.output, Written::Model, run.force)?;
+    inputs.iter().take(1).for_each(|input| platform::tell_of(input, run.run.json));
     Ok(())
 }
 
@@ -611,10 +612,10 @@ fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {
     let (inputs, run) = ([args.actual.as_path(), &args.nominal], &args.run);
     begin_measuring(&inputs, run)?;
     let outputs = CompareOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
-    let report = Bars::during(run.json || run.quiet, |bars| {
+    let report = Bars::during(run.run.is_silent(), |bars| {
         jobs::compare::compare(inputs, &args.request(), outputs, bars)
     })?;
-    let code = print(run.json, || &report, || report.text())?;
+    let code = print(run.run.json, || &report, || report.text())?;
     Ok(report.verdict().map_or(code, |verdict| ExitCode::from(verdict.code())))
 }
 
@@ -622,21 +623,21 @@ fn thickness(args: &args::ThicknessArgs) -> Result<ExitCode, Failure> {
     let (model, run) = (args.model.as_path(), &args.run);
     begin_measuring(&[model], run)?;
     let outputs = ThicknessOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
-    let report = Bars::during(run.json || run.quiet, |bars| {
+    let report = Bars::during(run.run.is_silent(), |bars| {
         jobs::thickness::thickness(model, &args.request(), outputs, bars)
     })?;
-    Ok(print(run.json, || &report, || report.text())?)
+    Ok(print(run.run.json, || &report, || report.text())?)
 }
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.model.as_path()], dash::AMONG_FILES)?;
-    refuse_dash(args.csv.as_deref(), dash::LAYER)?;
-    platform::tell_of(&args.model, args.json);
+    refuse_dash([&args.model], dash::AMONG_FILES)?;
+    refuse_dash(&args.csv, dash::LAYER)?;
+    platform::tell_of(&args.model, args.run.json);
     let request = PoresRequest { bodies: args.bodies, least: args.least, gap: args.gap };
-    let report = Bars::during(args.json || args.quiet, |bars| {
+    let report = Bars::during(args.run.is_silent(), |bars| {
         jobs::pores::pores(&args.model, request, args.csv.as_deref(), bars)
     })?;
-    Ok(print(args.json, || &report, || report.text())?)
+    Ok(print(args.run.json, || &report, || report.text())?)
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
@@ -667,11 +668,10 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
-    let pictures = || args.picture.as_deref().into_iter();
-    refuse_dash([args.output.as_path()].into_iter().chain(args.write_raw.as_deref()), dash::MODEL)?;
-    refuse_dash(pictures(), dash::LAYER)?;
-    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
-    check_suffixes(pictures(), Written::Picture, args.force)?;
+    refuse_dash([&args.output].into_iter().chain(&args.write_raw), dash::MODEL)?;
+    refuse_dash(&args.picture, dash::LAYER)?;
+    check_suffixes([&args.output], Written::Model, args.force)?;
+    check_suffixes(&args.picture, Written::Picture, args.force)?;
     if let Some(path) = &args.write_raw {
         jobs::demo::write_raw(args.size, path)?;
         return Ok(ExitCode::SUCCESS);
@@ -684,11 +684,11 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
-    platform::tell_of(&args.output, args.json);
-    let summary = Bars::during(args.quiet || args.json, |bars| {
+    platform::tell_of(&args.output, args.run.json);
+    let summary = Bars::during(args.run.is_silent(), |bars| {
         jobs::demo::demo(args.size, &options, &files, threads, bars)
     })?;
-    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
+    Ok(print_unless_quiet(&args.run, || summary.json(), || summary.text())?)
 }
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
@@ -708,8 +708,8 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
 }
 
 fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
-    refuse_dash(args.model.as_deref(), dash::SEARCH)?;
-    refuse_dash([args.out.as_path()], dash::FOLDER)?;
+    refuse_dash(&args.model, dash::SEARCH)?;
+    refuse_dash([&args.out], dash::FOLDER)?;
     // Quoted for a shell.
     let quoted = |word: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
@@ -724,8 +724,8 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
         pixels: args.pixels,
         command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
     };
-    let report = Bars::or_lines(args.quiet || args.json, |bars| jobs::report::report(&request, bars))?;
-    Ok(print(args.json, || &report, || report.text())?)
+    let report = Bars::or_lines(args.run.is_silent(), |bars| jobs::report::report(&request, bars))?;
+    Ok(print(args.run.json, || &report, || report.text())?)
 }
 
 fn pack_with(
@@ -746,6 +746,15 @@ pub(crate) fn print<T: Serialize>(
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
     put(&if as_json { text::json(&json()) + "\n" } else { text() })
+}
+
+/// [`print`], without the text under `--quiet`.
+pub(crate) fn print_unless_quiet<T: Serialize>(
+    run: &RunArgs,
+    json: impl FnOnce() -> T,
+    text: impl FnOnce() -> String,
+) -> Result<ExitCode, Error> {
+    print(run.json, json, || if run.quiet { String::new() } else { text() })
 }
 
 /// Prints a text. A reader that has gone away (`oct info x | head -1`) is not an error.

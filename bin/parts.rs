@@ -1,6 +1,6 @@
 //! `oct plan`, `oct part` and `oct merge`: a model in parts.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -11,7 +11,7 @@ use crate::args::{BuildArgs, Cli, Command, MergeArgs, PartArgs, PlanArgs};
 use crate::bars::Bars;
 use crate::failure::{Failure, dash};
 use crate::streams::{Written, check_suffixes, is_dash, refuse_dash};
-use crate::{Build, print};
+use crate::{Build, print_unless_quiet};
 
 const NOT_TEXT: &str =
     "a plan holds paths and options as Unicode text, and one of them is not; rename the file or folder";
@@ -19,17 +19,17 @@ const NOT_TEXT: &str =
 pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let PlanArgs { build: args, parts } = args;
     refuse_dash([args.output()], dash::FOLDER)?;
-    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
+    refuse_dash(&args.input, dash::SEARCH)?;
     let build = Build::of(args)?;
     // This command line's own words, for the parts to repeat.
     let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
     let command = words.map(|word| word.into_string().map_err(|_| NOT_TEXT)).collect::<Result<_, _>>()?;
     let folder = std::env::current_dir().map_err(|cause| Error::Output { path: ".".into(), cause })?;
     let folder = folder.to_str().ok_or(NOT_TEXT)?;
-    let bars = Bars::new(args.quiet || args.json);
+    let bars = Bars::new(args.run.is_silent());
     let input = input(&build, args.output(), &bars);
     let report = parts::plan(&input, *parts, args.output(), command, folder)?;
-    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+    Ok(print_unless_quiet(&args.run, || &report, || report.text())?)
 }
 
 /// The build of a plan, as parsed from its command.
@@ -51,7 +51,7 @@ fn input<'a>(build: &'a Build, output: &'a Path, bars: &'a Bars) -> PartsInput<'
 }
 
 pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.plan.as_path()], dash::AMONG_FILES)?;
+    refuse_dash([&args.plan], dash::AMONG_FILES)?;
     let plan = Plan::read(&args.plan)?;
     let output = plan.part_path(args.number)?;
     let mut planned = planned(&plan)?;
@@ -60,43 +60,43 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     planned.scratch.clone_from(&args.scratch);
     let build = Build::of(&planned)?;
     infobyte::jobs::give_back();
-    let report = Bars::during(args.quiet || args.json, |bars| {
+    let report = Bars::during(args.run.is_silent(), |bars| {
         let input = input(&build, &output, bars);
         match args.stage {
             None => parts::part(&plan, args.number, &input),
             Some(stage) => parts::part_stage(&plan, stage, args.number, &input),
         }
     })?;
-    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+    Ok(print_unless_quiet(&args.run, || &report, || report.text())?)
 }
 
 /// `oct build --resume`.
 pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.output()], dash::MODEL)?;
-    refuse_dash(args.input.iter().map(PathBuf::as_path), dash::SEARCH)?;
+    refuse_dash(&args.input, dash::SEARCH)?;
     check_suffixes([args.output()], Written::Model, args.force)?;
     infobyte::jobs::give_back();
     let build = Build::of(args)?;
     let report =
-        Bars::during(args.quiet || args.json, |bars| parts::resume(&input(&build, args.output(), bars)))?;
-    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+        Bars::during(args.run.is_silent(), |bars| parts::resume(&input(&build, args.output(), bars)))?;
+    Ok(print_unless_quiet(&args.run, || &report, || report.text())?)
 }
 
 pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.plan.as_path()], dash::AMONG_FILES)?;
+    refuse_dash([&args.plan], dash::AMONG_FILES)?;
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
         let build = Build::of(&planned(&plan)?)?;
         infobyte::jobs::give_back();
-        let bars = Bars::new(args.quiet || args.json);
+        let bars = Bars::new(args.run.is_silent());
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
-        return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);
+        return Ok(print_unless_quiet(&args.run, || &report, || report.text())?);
     }
     let output = args.output.as_deref().unwrap_or(Path::new(""));
     refuse_dash([output], dash::MODEL)?;
     check_suffixes([output], Written::Model, args.force)?;
     let plan = Plan::read(&args.plan)?;
     infobyte::jobs::give_back();
-    let report = Bars::during(args.quiet || args.json, |bars| parts::merge(&plan, output, bars))?;
-    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+    let report = Bars::during(args.run.is_silent(), |bars| parts::merge(&plan, output, bars))?;
+    Ok(print_unless_quiet(&args.run, || &report, || report.text())?)
 }

@@ -143,20 +143,20 @@ fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Failur
 }
 
 /// Refuses `-` among names where it would be the name of a file.
-pub(crate) fn refuse_dash<'a>(
-    paths: impl IntoIterator<Item = &'a Path>,
+pub(crate) fn refuse_dash<P: AsRef<Path>>(
+    paths: impl IntoIterator<Item = P>,
     sentence: &'static str,
 ) -> Result<(), Failure> {
-    if paths.into_iter().any(is_dash) { Err(sentence.into()) } else { Ok(()) }
+    if paths.into_iter().any(|path| is_dash(path.as_ref())) { Err(sentence.into()) } else { Ok(()) }
 }
 
 /// Refuses names of models or pictures with the suffix of another kind.
-pub(crate) fn check_suffixes<'a>(
-    paths: impl IntoIterator<Item = &'a Path>,
+pub(crate) fn check_suffixes<P: AsRef<Path>>(
+    paths: impl IntoIterator<Item = P>,
     written: Written,
     force: bool,
 ) -> Result<(), Failure> {
-    paths.into_iter().try_for_each(|path| check_suffix(path, written, force))
+    paths.into_iter().try_for_each(|path| check_suffix(path.as_ref(), written, force))
 }
 
 #[cfg(test)]

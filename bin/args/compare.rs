@@ -9,7 +9,7 @@ use infobyte::geom::Affine;
 use infobyte::jobs::compare::CompareRequest;
 use infobyte::jobs::thickness::{Method, ThicknessRequest};
 
-use super::{ThreadArgs, parse};
+use super::{RunArgs, ThreadArgs, parse, placed};
 
 /// Options of both.
 #[derive(Debug, Args)]
@@ -25,12 +25,8 @@ pub(crate) struct MeasureArgs {
     /// Write OUT.oct even if its name says that it is another kind of file
     #[arg(long)]
     pub(crate) force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }
 
 #[derive(Debug, Args)]
@@ -81,15 +77,11 @@ pub(crate) struct CompareArgs {
 impl CompareArgs {
     /// The request of the library.
     pub(crate) fn request(&self) -> CompareRequest {
-        let mut placement = self.place.unwrap_or(Affine::from_spacing([1.0; 3]));
-        for (row, by) in placement.rows.iter_mut().zip(self.moved.unwrap_or_default()) {
-            row[3] += by;
-        }
         CompareRequest {
             radius_mm: self.radius,
             tolerance_mm: self.tolerance,
             angle_deg: self.angle,
-            placement,
+            placement: placed(self.place, self.moved),
             fit: self.fit,
             threshold_sigma: self.threshold_sigma,
             both_ways: self.both_ways,

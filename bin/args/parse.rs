@@ -1,16 +1,16 @@
 //! Values of options, and the sentences for wrong ones.
 
+use std::fmt::Display;
 use std::ops::Range;
+use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset};
-use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims};
 use infobyte::jobs::export::MAX_SMOOTH;
-use infobyte::render::picture::Traversal;
-use infobyte::render::{NamedView, Projection, Samples};
+use infobyte::render::Projection;
 use infobyte::scene::{LabelRule, Section};
 use infobyte::text;
 use infobyte::volume::{Endian, ScalarType};
@@ -35,19 +35,22 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
     Ok([lo, hi])
 }
 
+/// A whole number from 1 to `most`.
+fn count<T: Copy + Display + From<u8> + FromStr + PartialOrd>(
+    text: &str,
+    what: &str,
+    most: T,
+) -> Result<T, String> {
+    let number = text.parse().ok().filter(|number| (T::from(1)..=most).contains(number));
+    number.ok_or_else(|| format!("'{text}' is not a {what}; choose 1 to {most}"))
+}
+
 pub(super) fn threads(text: &str) -> Result<usize, String> {
-    workers(text, "threads")
+    count(text, "number of threads", 1024)
 }
 
 pub(super) fn jobs(text: &str) -> Result<usize, String> {
-    workers(text, "jobs")
-}
-
-fn workers(text: &str, of_what: &str) -> Result<usize, String> {
-    text.parse::<usize>()
-        .ok()
-        .filter(|n| (1..=1024).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a number of {of_what}; choose 1 to 1024"))
+    count(text, "number of jobs", 1024)
 }
 
 pub(super) fn volume_number(text: &str) -> Result<usize, String> {
@@ -102,33 +105,33 @@ const BUILT: Channels = Channels::NONE
     .with(Channel::Color)
     .with(Channel::Material);
 
-pub(super) fn channels(text: &str) -> Result<Channels, String> {
+/// Channels separated by commas, or `none`.
+fn channel_list(text: &str, channel: impl Fn(&str) -> Result<Channel, String>) -> Result<Channels, String> {
     if text == "none" {
         return Ok(Channels::NONE);
     }
+    text.split(',').map(str::trim).map(channel).collect()
+}
+
+pub(super) fn channels(text: &str) -> Result<Channels, String> {
     let choices = || BUILT.iter().map(Channel::name).collect::<Vec<_>>().join(", ");
-    let channel = |name: &str| match Channel::by_name(name) {
+    channel_list(text, |name| match Channel::by_name(name) {
         Some(channel) if BUILT.contains(channel) => Ok(channel),
         Some(_) => {
             Err(format!("the channel '{name}' cannot be built by this version; choose from {}", choices()))
         }
         None => Err(format!("'{name}' is not a channel; choose from {}, or none", choices())),
-    };
-    text.split(',').map(str::trim).map(channel).collect()
+    })
 }
 
 /// Channels of a model.
 pub(super) fn kept_channels(text: &str) -> Result<Channels, String> {
-    if text == "none" {
-        return Ok(Channels::NONE);
-    }
-    let channel = |name: &str| {
+    channel_list(text, |name| {
         Channel::by_name(name).ok_or_else(|| {
             let names = Channel::all().map(Channel::name).collect::<Vec<_>>().join(", ");
             format!("'{name}' is not a channel; choose from {names}, or none")
         })
-    };
-    text.split(',').map(str::trim).map(channel).collect()
+    })
 }
 
 /// A box of voxels.
@@ -172,10 +175,7 @@ pub(super) fn preset(text: &str) -> Result<Preset, String> {
 }
 
 pub(super) fn keep_largest(text: &str) -> Result<u32, String> {
-    text.parse::<u32>()
-        .ok()
-        .filter(|n| (1..=MAX_LARGEST).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MAX_LARGEST}"))
+    count(text, "number of components", MAX_LARGEST)
 }
 
 /// Splits `AxBxC` into parts.
@@ -186,11 +186,8 @@ fn parts<const K: usize>(text: &str, separator: char) -> Option<[&str; K]> {
 
 pub(super) fn dims(text: &str) -> Result<Dims, String> {
     let bad = || format!("'{text}' is not a size in voxels; write for example 512x512x300, each 1 to 65536");
-    let [x, y, z] = parts::<3>(text, 'x').ok_or_else(bad)?.map(str::parse::<u32>);
-    match (x, y, z) {
-        (Ok(x), Ok(y), Ok(z)) => Dims::new(x, y, z).ok_or_else(bad),
-        _ => Err(bad()),
-    }
+    let [x, y, z] = parts(text, 'x').ok_or_else(bad)?.map(|side| side.parse().unwrap_or(0));
+    Dims::new(x, y, z).ok_or_else(bad)
 }
 
 pub(super) fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
@@ -232,10 +229,7 @@ pub(super) fn margin(text: &str) -> Result<u16, String> {
 }
 
 pub(super) fn side(text: &str) -> Result<u32, String> {
-    text.parse::<u32>()
-        .ok()
-        .filter(|n| (1..=16384).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a size; choose 1 to 16384"))
+    count(text, "size", 16384)
 }
 
 pub(super) fn side_or_none(text: &str) -> Result<u32, String> {
@@ -244,9 +238,8 @@ pub(super) fn side_or_none(text: &str) -> Result<u32, String> {
 
 pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     let bad = || format!("'{text}' is not a point or direction; write for example 10,-250.5,0");
-    let [x, y, z] = parts::<3>(text, ',').ok_or_else(bad)?.map(number);
-    match (x, y, z) {
-        (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
+    match parts(text, ',').ok_or_else(bad)?.map(number) {
+        [Ok(x), Ok(y), Ok(z)] => Ok([x, y, z]),
         _ => Err(bad()),
     }
 }
@@ -262,18 +255,14 @@ pub(super) fn tolerance(text: &str) -> Result<[f64; 2], String> {
 
 /// A length above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match number(text) {
-        Ok(length) if length > 0.0 && length.is_finite() => Ok(length),
-        _ => Err("write a length above 0".into()),
-    }
+    let length = number(text).ok().filter(|length| *length > 0.0);
+    length.ok_or_else(|| "write a length above 0".into())
 }
 
 /// A length of 0 or more.
 pub(super) fn clearance(text: &str) -> Result<f64, String> {
-    match number(text) {
-        Ok(length) if length >= 0.0 && length.is_finite() => Ok(length),
-        _ => Err("write a length in mm, of 0 or more".into()),
-    }
+    let length = number(text).ok().filter(|length| *length >= 0.0);
+    length.ok_or_else(|| "write a length in mm, of 0 or more".into())
 }
 
 /// Voxels along the longest side of a mesh.
@@ -368,16 +357,21 @@ pub(super) fn section(text: &str) -> Result<Section, String> {
     }
 }
 
+/// One of these, by its name.
+pub(super) fn one_of<T: Copy + Send + Sync>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.iter().map(|one| name(*one)))
+        .try_map(move |given| all.iter().copied().find(|one| name(*one) == given).ok_or("no such name"))
+}
+
 /// A choice that is read by its name.
 pub(super) fn choice<T, const N: usize>(names: [&'static str; N]) -> impl TypedValueParser<Value = T>
 where
     T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
 {
     PossibleValuesParser::new(names).try_map(|name| serde_json::from_value::<T>(name.into()))
-}
-
-pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
-    PossibleValuesParser::new(NamedView::ALL.map(NamedView::name)).try_map(|name| name.parse())
 }
 
 pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
@@ -405,19 +399,4 @@ pub(super) fn triangles(text: &str) -> Result<u64, String> {
     count.ok_or_else(|| {
         format!("'{text}' is not a number of triangles; give 1 or more in digits, such as 50000")
     })
-}
-
-pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
-    PossibleValuesParser::new(ExportForm::ALL.map(ExportForm::name))
-        .try_map(|name| ExportForm::ALL.into_iter().find(|form| form.name() == name).ok_or("no such form"))
-}
-
-pub(super) fn samples() -> impl TypedValueParser<Value = Samples> {
-    PossibleValuesParser::new(Samples::ALL.iter().map(|samples| samples.name()))
-        .try_map(|name| Samples::ALL.iter().copied().find(|s| s.name() == name).ok_or("no such number"))
-}
-
-pub(super) fn traversals() -> impl TypedValueParser<Value = Traversal> {
-    PossibleValuesParser::new(Traversal::ALL.map(Traversal::name))
-        .try_map(|name| Traversal::ALL.into_iter().find(|t| t.name() == name).ok_or("no such traversal"))
 }

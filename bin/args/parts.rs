@@ -6,7 +6,7 @@ use clap::Args;
 use infobyte::budget::parse_size;
 use infobyte::jobs::parts::{MAX_PARTS, Stage};
 
-use super::{BuildArgs, ThreadArgs};
+use super::{BuildArgs, RunArgs, ThreadArgs};
 
 #[derive(Debug, Args)]
 #[command(
@@ -23,6 +23,7 @@ pub(crate) struct PlanArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("quiet", |arg| arg.help("No progress, no line for the part")))]
 pub(crate) struct PartArgs {
     /// The plan
     #[arg(value_name = "JOB/plan.json")]
@@ -41,12 +42,8 @@ pub(crate) struct PartArgs {
     /// Folder for the scratch file; next to the part by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress, no line for the part
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }
 
 #[derive(Debug, Args)]
@@ -63,10 +60,6 @@ pub(crate) struct MergeArgs {
     /// Write it even if its name says that it is another kind of file
     #[arg(long)]
     pub(crate) force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }

@@ -56,7 +56,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     pub(crate) size: Option<[u32; 2]>,
     /// Named view; by default the scene's camera, or front
-    #[arg(long, value_parser = parse::views(), conflicts_with = "eye")]
+    #[arg(long, value_parser = parse::one_of(&NamedView::ALL, NamedView::name), conflicts_with = "eye")]
     pub(crate) view: Option<NamedView>,
     /// Position of the eye in mm (LPS), which looks at --look-at
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "look_at")]
@@ -116,14 +116,14 @@ pub(crate) struct RenderArgs {
     pub(crate) blended: bool,
     /// Colour rays per pixel: eight where neighbours differ in depth or normal, else one (auto); or a fixed number; by
     /// default that of the scene, or auto
-    #[arg(long, value_parser = parse::samples())]
+    #[arg(long, value_parser = parse::one_of(Samples::ALL, Samples::name))]
     pub(crate) samples: Option<Samples>,
     /// Ambient occlusion rays per pixel; by default 1 for soft light, 4 for ambient occlusion, for a scene with lights its
     /// own number
     #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) ao_rays: Option<u32>,
     /// What rays hit: the first voxel that the line intersects, or that of a discrete 6-connected ray
-    #[arg(long, default_value = "exact", value_parser = parse::traversals())]
+    #[arg(long, default_value = "exact", value_parser = parse::one_of(Traversal::ALL, Traversal::name))]
     pub(crate) traversal: Traversal,
     /// Six views on one sheet, each framed separately
     #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]

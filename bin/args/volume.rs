@@ -16,7 +16,7 @@ use infobyte::mesh::{Fill, GridChoice, UpAxis, states_place};
 use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, Overlap, ScalarType};
 
-use super::{Switch, ThreadArgs, parse};
+use super::{RunArgs, Switch, ThreadArgs, parse};
 use crate::failure::not_of;
 
 /// `oct build`: what other commands build as well, and what only it can.
@@ -36,6 +36,7 @@ pub(crate) struct BuildCommand {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("quiet", |arg| arg.help("No progress, no warnings")))]
 pub(crate) struct BuildArgs {
     /// A file, a folder, or several slice files; - for headerless voxels on standard input
     #[arg(required = true, value_name = "INPUT")]
@@ -84,12 +85,8 @@ pub(crate) struct BuildArgs {
     /// Folder for the scratch file; next to the output by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress, no warnings
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
     #[command(flatten)]
     pub(crate) which: WhichArgs,
     #[command(flatten)]
@@ -103,7 +100,8 @@ pub(crate) struct BuildArgs {
 #[derive(Debug, Args)]
 #[command(
     mut_arg("otsu", |arg| arg.help("Choose the threshold of each volume by Otsu's method (the default)")),
-    mut_arg("threads", |arg| arg.help("Worker threads in all; all cores by default"))
+    mut_arg("threads", |arg| arg.help("Worker threads in all; all cores by default")),
+    mut_arg("quiet", |arg| arg.help("No progress, no lines for volumes"))
 )]
 pub(crate) struct BatchArgs {
     /// Folders (or files) to search
@@ -160,12 +158,8 @@ pub(crate) struct BatchArgs {
     /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
     #[arg(long, value_name = "LETTERS")]
     pub(crate) orientation: Option<Orientation>,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress, no lines for volumes
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
     #[command(flatten)]
     pub(crate) clean: CleanArgs,
     #[command(flatten)]
@@ -193,6 +187,7 @@ pub(crate) struct ScanArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("quiet", |arg| arg.help("No progress, no warnings")))]
 pub(crate) struct DemoArgs {
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
@@ -217,12 +212,8 @@ pub(crate) struct DemoArgs {
     pub(crate) memory: u64,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress, no warnings
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) run: RunArgs,
 }
 
 /// Selection of the inside.
@@ -469,12 +460,11 @@ impl BuildArgs {
             return Err(not_of(flag, of));
         }
         let of_meshes = || {
-            let given = [
+            first_given(&[
                 ("--fill", grid.fill.is_some()),
                 ("--keep-thin", grid.keep_thin),
                 ("--up", grid.up.is_some()),
-            ];
-            given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+            ])
         };
         let gradient = || self.skin.gradient.map(|_| "--gradient");
         let (flag, of, is) = match kind {
@@ -505,7 +495,7 @@ impl BuildArgs {
     /// A flag that was given and says something about volumes only.
     fn volume_flag(&self) -> Option<&'static str> {
         let Self { selection, clean, raw, which, mesh, .. } = self;
-        let given = [
+        first_given(&[
             ("--labels", self.labels.is_some()),
             ("--iso", selection.iso.is_some()),
             ("--range", selection.range.is_some()),
@@ -525,9 +515,13 @@ impl BuildArgs {
             ("--index", !which.index.is_empty()),
             // With both it is the size of the grid.
             ("--dims", raw.dims.is_some() && (mesh.grid.voxel.is_none() || mesh.origin.is_none())),
-        ];
-        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+        ])
     }
+}
+
+/// The first flag that was given.
+fn first_given(flags: &[(&'static str, bool)]) -> Option<&'static str> {
+    flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
 }
 
 /// How a mesh becomes a solid.
@@ -576,7 +570,7 @@ pub(crate) struct GridArgs {
 impl GridArgs {
     /// A flag that was given.
     fn flag(&self) -> Option<&'static str> {
-        let given = [
+        first_given(&[
             ("--grid", self.grid.is_some()),
             ("--voxel", self.voxel.is_some()),
             ("--fill", self.fill.is_some()),
@@ -584,8 +578,7 @@ impl GridArgs {
             ("--margin", self.margin.is_some()),
             ("--unit", self.unit.is_some()),
             ("--up", self.up.is_some()),
-        ];
-        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+        ])
     }
 
     /// How fine the grid is, if anything says it.

@@ -10,6 +10,7 @@ use std::fs::File;
 use std::io;
 use std::os::fd::AsRawFd;
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -74,16 +75,11 @@ pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
     cause.kind() == io::ErrorKind::BrokenPipe
 }
 
-/// Shows an address in the user's browser, where there is a desktop; whether that works is not waited for.
-pub(crate) fn open_browser(address: &str) {
-    let is_mac = cfg!(target_os = "macos");
-    if is_mac || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some()) {
-        let quiet = std::process::Stdio::null;
-        let _ = std::process::Command::new(if is_mac { "open" } else { "xdg-open" })
-            .arg(address)
-            .stdin(quiet())
-            .stdout(quiet())
-            .stderr(quiet())
-            .spawn();
+/// The program that opens an address, where there is a desktop.
+pub(super) fn browser() -> Option<Command> {
+    if cfg!(target_os = "macos") {
+        return Some(Command::new("open"));
     }
+    let has_desktop = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    has_desktop.then(|| Command::new("xdg-open"))
 }

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io;
 use std::path::Path;
+use std::process::Command;
 
 /// No-op: writing past a limit is an error on this system.
 pub(crate) fn report_size_limits() {}
@@ -22,13 +23,9 @@ pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
     cause.kind() == io::ErrorKind::BrokenPipe || cause.raw_os_error() == Some(PIPE_NOT_CONNECTED)
 }
 
-/// Shows an address in the user's browser; whether that works is not waited for.
-pub(crate) fn open_browser(address: &str) {
-    let quiet = std::process::Stdio::null;
-    let _ = std::process::Command::new("rundll32.exe")
-        .args(["url.dll,FileProtocolHandler", address])
-        .stdin(quiet())
-        .stdout(quiet())
-        .stderr(quiet())
-        .spawn();
+/// The program that opens an address.
+pub(super) fn browser() -> Option<Command> {
+    let mut browser = Command::new("rundll32.exe");
+    browser.arg("url.dll,FileProtocolHandler");
+    Some(browser)
 }

@@ -34,6 +34,7 @@ use crate::discovery;
 use crate::error::Error;
 use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
+use crate::load::Frame;
 use crate::measure::nearest::Space;
 use crate::mesh::{
     Fill, GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
@@ -84,8 +85,7 @@ pub struct GridOptions {
 impl Default for GridOptions {
     /// No grid, units of a millimetre.
     fn default() -> Self {
-        let (grid, fill, unit_mm, up) = (None, None, 1.0, UpAxis::Z);
-        Self { grid, unit_mm, up, fill, keep_thin: false, follow_links: false }
+        Self { grid: None, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
     }
 }
 
@@ -174,11 +174,11 @@ pub struct BuildJob<'a> {
 }
 
 /// Result of building a subject.
-struct Built {
-    report: BuildReport,
-    cleaned: Option<CleanReport>,
-    warnings: Vec<String>,
-    hints: Vec<String>,
+pub(crate) struct Built {
+    pub(crate) report: BuildReport,
+    pub(crate) cleaned: Option<CleanReport>,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) hints: Vec<String>,
 }
 
 /// Opens the inputs as the kind that [`SubjectKind::of`] tells, and builds their model.
@@ -239,20 +239,18 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
         let mut head = [0; MAGIC.len()];
         PositionalFile::open(&real).and_then(|file| file.read_exact_at(&mut head, 0)).is_ok() && head == MAGIC
     };
-    let replaced = |input: &&PathBuf| {
+    let replaced = |input: &PathBuf| {
         input.canonicalize().is_ok_and(|path| {
             if path.is_dir() { real.starts_with(&path) && !is_model() } else { path == real }
         })
     };
-    match inputs.iter().find(replaced) {
-        Some(_) => {
-            let fault = usage!(
-                "is the input, or part of it, and would be replaced by the model; name another file with {OUTPUT}"
-            );
-            Err(fault.at(output).into())
-        }
-        None => Ok(()),
+    if inputs.iter().any(replaced) {
+        let fault = usage!(
+            "is the input, or part of it, and would be replaced by the model; name another file with {OUTPUT}"
+        );
+        return Err(fault.at(output).into());
     }
+    Ok(())
 }
 
 /// Ratio of the longest to the shortest spacing from which a skin shows steps, and cells lose thin walls.
@@ -344,30 +342,44 @@ impl BuildJob<'_> {
     /// As [`builder::build_volume`], [`CleanOptions::clean`], [`with_mesh`] and [`with_tree`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let is_solid = !matches!(subject, Subject::Volume(_));
-        let Built { report, cleaned, mut warnings, mut hints } = match subject {
+        let built = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
         };
         // Else the report of the model runs with the last stage's code still resident.
         self.give_back();
-        let wall_s = started.elapsed().as_secs_f64();
-        let info = read_info(self.output)?;
+        let mut summary = self.summary(input, built, started)?;
         if is_solid {
-            let (dims, spacing_mm) = (info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm);
-            hints.extend(Hint::of_size(dims, spacing_mm).map(|hint| hint.to_string()));
+            let Frame { header, metadata, .. } = &summary.info.frame;
+            let hints = Hint::of_size(header.dims.to_array(), metadata.spacing_mm);
+            summary.hints.extend(hints.map(|hint| hint.to_string()));
         }
-        warnings.extend(above_cap(self.options.memory));
+        summary.warnings.extend(above_cap(self.options.memory));
+        Ok(summary)
+    }
+
+    /// The summary of a finished build; `started` is when the work on it began.
+    ///
+    /// # Errors
+    /// The model cannot be read.
+    pub(crate) fn summary(
+        &self,
+        input: String,
+        built: Built,
+        started: Instant,
+    ) -> Result<BuildSummary, Error> {
+        let Built { report, cleaned, warnings, hints } = built;
         Ok(BuildSummary {
             input,
             output: self.output.to_path_buf(),
             memory_bytes: self.options.memory.bytes(),
+            wall_s: started.elapsed().as_secs_f64(),
             report,
-            info,
+            info: read_info(self.output)?,
             each: Vec::new(),
             cleaning: (!self.clean.is_empty()).then(|| (self.clean.operations(), cleaned)),
             warnings,
             hints,
-            wall_s,
         })
     }
 
@@ -391,13 +403,13 @@ impl BuildJob<'_> {
         let mut warnings = sentences(&source.info().notes);
         warnings.extend(report.notes.iter().map(|note| note.to_string()));
         warnings.extend(doubt.map(|doubt| doubt.to_string()));
-        warnings
-            .extend(cleaned.as_ref().and_then(|cleaned| cleaned.report.note).map(|note| note.to_string()));
+        let cleaned = cleaned.map(|cleaned| cleaned.report);
+        warnings.extend(cleaned.as_ref().and_then(|cleaned| cleaned.note).map(|note| note.to_string()));
         // Notes on thresholds do not apply to labels.
         let threshold =
             if options.labels.is_some() { Threshold::Chosen(report.selection) } else { threshold };
         let hints = hints(&*source, threshold, options.volume_surface(), &report);
-        Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
+        Ok(Built { report, cleaned, warnings, hints })
     }
 
     /// Refuses labels to be cleaned: cleaning needs a single inside, and would mix them.
@@ -411,13 +423,12 @@ impl BuildJob<'_> {
             ("the filling of cavities", *fill_cavities),
             ("the choice of components", keep_largest.is_some() || drop_below.is_some()),
         ];
-        match asked.into_iter().find(|(_, given)| *given && self.options.labels.is_some()) {
-            None => Ok(()),
-            Some((asked, _)) => {
-                let fault = usage!("labels are built without cleaning; leave out {asked}");
-                Err(fault.at(&source.info().description.name).into())
-            }
+        if let Some((asked, _)) = asked.into_iter().find(|(_, given)| *given && self.options.labels.is_some())
+        {
+            let fault = usage!("labels are built without cleaning; leave out {asked}");
+            return Err(fault.at(&source.info().description.name).into());
         }
+        Ok(())
     }
 
     fn solid(&self, subject: &Subject) -> Result<Built, Error> {

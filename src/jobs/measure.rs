@@ -95,12 +95,12 @@ pub(super) fn measure_until(
     progress: &dyn Progress,
 ) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let Bounds { voxels, box_mm } = bounds(view, &space)?;
+    let (voxels, box_mm) = bounds(view, &space)?;
     let cells = view.cells().is_some();
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
     let mut slices = SkinSlices::new(view, voxels);
-    let (mut bends, mut facets) = (Bends::new(1, EDGE), Facets::default());
+    let (mut bends, mut facets) = (Bends::new(1, EDGE), Facets([0; _]));
     let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
     let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
@@ -129,13 +129,12 @@ pub(super) fn measure_until(
     }
     sweep.slice(view, &[]);
     let (enclosed, _) = sweep.finish();
-    let skin = count(seen);
-    let unknown = count(enclosed.unknown) / 2.0;
+    let (skin, inside, unknown) = (seen as f64, enclosed.inside as f64, enclosed.unknown as f64 / 2.0);
     let (lacking, error) =
         if cells { bends.volume(area / weights.voxel_mm3) } else { (0.0, facets.volume_error()) };
-    let volume = of_skin + lacking + count(enclosed.inside) + unknown;
+    let volume = of_skin + lacking + inside + unknown;
     // No volume where the normals leave too many voxels undecided.
-    let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
+    let known = has_normals && !is_part && unknown <= 0.1 * (skin + inside);
     let is_uneven = are_uneven(affine);
     let (lacking_mm2, error_mm2) = bends.area(cells.then_some(area_within), area);
     Some(Measures {
@@ -151,23 +150,14 @@ pub(super) fn measure_until(
 }
 
 /// [`Measures::voxels`] and [`Measures::box_mm`].
-struct Bounds {
-    voxels: [[u32; 3]; 2],
-    box_mm: [[f64; 3]; 2],
-}
-
-fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<Bounds> {
+fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<([[u32; 3]; 2], [[f64; 3]; 2])> {
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
         direction[axis] = sign;
         sign * space.support_of_inside(view, direction, None)
     };
     let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
-    Some(Bounds { voxels: extent(view)?, box_mm })
-}
-
-fn count(voxels: u64) -> f64 {
-    voxels as f64
+    Some((extent(view)?, box_mm))
 }
 
 /// Weight of a voxel or a cell in the sums.
@@ -376,12 +366,6 @@ impl Bends {
 /// it to the same side; faces of different directions are off by themselves.
 struct Facets([u64; 6 * Facets::ACROSS * Facets::ACROSS]);
 
-impl Default for Facets {
-    fn default() -> Self {
-        Self([0; _])
-    }
-}
-
 impl Facets {
     /// Number of directions along each side of a face of the direction cube: faces along the axes are in the middle of
     /// one.
@@ -402,7 +386,7 @@ impl Facets {
 
     /// Error of a volume counted in voxels: 2.5 times the standard deviation.
     fn volume_error(&self) -> f64 {
-        2.5 * (self.0.iter().map(|boxes| count(*boxes).powi(2)).sum::<f64>() / 12.0).sqrt()
+        2.5 * (self.0.iter().map(|boxes| (*boxes as f64).powi(2)).sum::<f64>() / 12.0).sqrt()
     }
 }
 
@@ -449,6 +433,12 @@ mod tests {
         (tree, voxels)
     }
 
+    /// The measures of a cube of this side in voxels, of equal spacing along all axes.
+    fn measured(tree: &MemoryTree, side: u32, spacing_mm: f64) -> Measures {
+        let affine = Affine::from_spacing([spacing_mm; 3]);
+        measure(&tree.view(), Dims::new(side, side, side).unwrap(), &affine, false).unwrap()
+    }
+
     fn radius(p: [f64; 3], middle: f64) -> f64 {
         p.iter().map(|c| (c - middle) * (c - middle)).sum::<f64>().sqrt()
     }
@@ -457,8 +447,7 @@ mod tests {
     fn a_ball_has_its_volume_and_area() {
         let (r, c) = (30.0, 35.0);
         let (tree, voxels) = skin(72, |p| radius(p.map(f64::from), c) <= r, Some(&|p| p.map(|v| v - c)));
-        let affine = Affine::from_spacing([0.5; 3]);
-        let found = measure(&tree.view(), Dims::new(72, 72, 72).unwrap(), &affine, false).unwrap();
+        let found = measured(&tree, 72, 0.5);
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         assert_eq!((found.enclosed.cavities, found.enclosed.unknown), (0, 0));
         let (volume, error) = found.volume_mm3.unwrap();
@@ -488,9 +477,7 @@ mod tests {
         };
         for outward in [&nearest as &dyn Fn([f64; 3]) -> [f64; 3], &between] {
             let (tree, _) = skin(48, inside, Some(outward));
-            let dims = Dims::new(48, 48, 48).unwrap();
-            let found = measure(&tree.view(), dims, &Affine::from_spacing([0.5; 3]), false).unwrap();
-            let (area, error) = found.area_mm2.unwrap();
+            let (area, error) = measured(&tree, 48, 0.5).area_mm2.unwrap();
             let off = 6.0 * 20.0 * 20.0 - area;
             assert!(off.abs() <= error && error < 0.12 * area, "{area} {error}");
         }
@@ -504,16 +491,15 @@ mod tests {
             p.map(|v| (v - c) * side)
         };
         let shape = |p: [i32; 3]| wall(radius(p.map(f64::from), c));
-        let dims = Dims::new(48, 48, 48).unwrap();
         let (tree, voxels) = skin(48, shape, Some(&outward));
-        let found = measure(&tree.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measured(&tree, 48, 1.0);
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         let cavity =
             (0..48_i32.pow(3)).filter(|i| radius([i % 48, i / 48 % 48, i / 2304].map(f64::from), c) < 14.0);
         assert_eq!(found.enclosed.cavities, cavity.count() as u64);
         // Without normals there is neither area nor volume.
         let (bare, _) = skin(48, shape, None);
-        let unknown = measure(&bare.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let unknown = measured(&bare, 48, 1.0);
         assert_eq!((unknown.volume_mm3, unknown.area_mm2), (None, None));
         assert_eq!(unknown.enclosed.unknown, found.enclosed.inside + found.enclosed.cavities);
     }
@@ -528,9 +514,7 @@ mod tests {
         };
         let shape = |p: [i32; 3]| (20.0..21.0).contains(&radius(p.map(f64::from), c));
         let (tree, _) = skin(48, shape, Some(&outward));
-        let found =
-            measure(&tree.view(), Dims::new(48, 48, 48).unwrap(), &Affine::from_spacing([1.0; 3]), false)
-                .unwrap();
+        let found = measured(&tree, 48, 1.0);
         assert!(found.volume_mm3.is_none() && found.area_mm2.is_some(), "{found:?}");
     }
 
@@ -548,7 +532,7 @@ mod tests {
         let (tree, voxels) = skin(48, inside, Some(&outward));
         let found = measure(&tree.view(), Dims::new(48, 48, 48).unwrap(), &affine, false).unwrap();
         let (volume, _) = found.volume_mm3.unwrap();
-        assert!((volume - count(voxels) * 0.5).abs() < 1e-9 && voxels == 40 * 40 * 8, "{volume}");
+        assert!((volume - voxels as f64 * 0.5).abs() < 1e-9 && voxels == 40 * 40 * 8, "{volume}");
         let slant = (0.5_f64 * 0.5 + 1.0).sqrt();
         let faces = 2.0 * (1600.0 * 0.25 + 320.0 * 1.0 + 320.0 * slant);
         let (area, error) = found.area_mm2.unwrap();
@@ -560,7 +544,7 @@ mod tests {
     fn two_voxels_at_the_far_corners_of_the_largest_grid_are_soon_measured() {
         let dims = Dims::new(65536, 65536, 65536).unwrap();
         let far = MemoryTree::new(dims, &[0, morton::encode(65535, 65535, 65535)]).unwrap();
-        let found = measure(&far.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measured(&far, 65536, 1.0);
         assert_eq!(found.voxels, [[0; 3], [65536; 3]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }
@@ -573,10 +557,8 @@ mod tests {
         let dims = Dims::new(40, 40, 40).unwrap();
         for (spacing, known) in [([1e-3, 1.0, 1e3], false), ([1.0, 1.0, 5.0], true)] {
             let found = measure(&tree.view(), dims, &Affine::from_spacing(spacing), false).unwrap();
-            assert_eq!(
-                (found.is_uneven, found.area_mm2.is_some(), found.volume_mm3.is_some()),
-                (!known, known, known)
-            );
+            let (area, volume) = (found.area_mm2, found.volume_mm3);
+            assert_eq!((found.is_uneven, area.is_some(), volume.is_some()), (!known, known, known));
         }
     }
 
@@ -584,7 +566,7 @@ mod tests {
     fn an_empty_model_has_no_measures() {
         let dims = Dims::new(8, 8, 8).unwrap();
         let one = MemoryTree::new(dims, &[morton::encode(3, 4, 5)]).unwrap();
-        let found = measure(&one.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measured(&one, 8, 1.0);
         assert_eq!(found.voxels, [[3, 4, 5], [4, 5, 6]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }

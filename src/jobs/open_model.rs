@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-use super::pack::{Stop, unpack_to};
+use super::pack::{Stop, unpack_file};
 use crate::error::Error;
 use crate::fault::unfit;
 use crate::format::Encoding;
@@ -52,7 +52,7 @@ pub(crate) fn unpacked(file: &PositionalFile, path: &Path) -> Result<PositionalF
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let scratch =
         scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
-    let unpacked = unpack_to(file, &scratch);
+    let unpacked = unpack_file(file, &scratch);
     then.check(file, path)?;
     unpacked.map_err(|stop| match stop {
         Stop::Input(fault) => Error::Load(fault.at(path)),

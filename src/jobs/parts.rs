@@ -11,8 +11,7 @@ pub use input::PartsInput;
 pub use report::{MergeReport, PartReport, PlanReport, StageReport};
 pub use staged::{merge_stage, part_stage};
 
-use std::fmt::Write;
-use std::io::{Read as _, Write as _};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -170,21 +169,13 @@ fn refused(path: &Path, fault: PartFault) -> Error {
 }
 
 fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn parse_hex(text: &str) -> Option<[u8; 32]> {
-    let mut bytes = [0; 32];
-    if text.len() != 64 || !text.is_ascii() {
-        return None;
-    }
-    for (at, byte) in bytes.iter_mut().enumerate() {
-        *byte = u8::from_str_radix(text.get(2 * at..2 * at + 2)?, 16).ok()?;
-    }
-    Some(bytes)
+    let (pairs, []) = text.as_bytes().as_chunks::<2>() else { return None };
+    let byte = |pair: &[u8; 2]| u8::from_str_radix(str::from_utf8(pair).ok()?, 16).ok();
+    pairs.iter().map(byte).collect::<Option<Vec<_>>>()?.try_into().ok()
 }
 
 /// Plans a model in `parts` parts into the folder `out`, which is made if it is missing; `command` and `folder` are
@@ -276,7 +267,8 @@ pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartRepo
         part_voxels = Some(input.build(&mut opened, &options, folder, &[id])?);
     }
     let surface = input.job.options.volume_surface();
-    Ok(PartReport::new(plan, number, &id.path(folder), started).with_voxels(part_voxels, surface))
+    let report = PartReport::new(plan, number, &id.path(folder), started);
+    Ok(PartReport { was_there, part_voxels, surface, ..report })
 }
 
 /// True for an existing, whole and sound part. A damaged one is built again; one that cannot be read is not replaced.

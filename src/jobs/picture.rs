@@ -53,9 +53,7 @@ pub(super) enum Target {
 /// Files of pictures that have been begun.
 pub(super) struct Layers {
     pub(super) image: Target,
-    depth: Option<ImageFile>,
-    normals: Option<ImageFile>,
-    ids: Option<ImageFile>,
+    others: Vec<(ImageFile, PngLayer)>,
 }
 
 impl<'a> Outputs<'a> {
@@ -97,15 +95,15 @@ impl<'a> Outputs<'a> {
 
     /// Begins the files: a folder that cannot be written is reported before the work is done.
     pub(super) fn create(&self) -> Result<Layers, Error> {
-        Ok(Layers {
-            image: match self.frames() {
-                Some((names, _)) => names.begin()?,
-                None => Target::File(ImageFile::create(self.image)?),
-            },
-            depth: self.depth.map(ImageFile::create).transpose()?,
-            normals: self.normals.map(ImageFile::create).transpose()?,
-            ids: self.ids.map(ImageFile::create).transpose()?,
-        })
+        let image = match self.frames() {
+            Some((names, _)) => names.begin()?,
+            None => Target::File(ImageFile::create(self.image)?),
+        };
+        let named =
+            [(self.depth, PngLayer::Depth), (self.normals, PngLayer::Normals), (self.ids, PngLayer::Ids)];
+        let begin =
+            |(path, layer): (Option<&Path>, _)| Some(ImageFile::create(path?).map(|file| (file, layer)));
+        Ok(Layers { image, others: named.into_iter().filter_map(begin).collect::<Result<_, _>>()? })
     }
 }
 
@@ -121,15 +119,9 @@ impl Layers {
     pub(super) fn begin(self, size: [u32; 2]) -> Result<LayerRows, Error> {
         // Frames of a turntable are written one by one.
         let (Target::File(image) | Target::Frames(_, image)) = self.image;
-        let named = [
-            (Some(image), PngLayer::Color),
-            (self.depth, PngLayer::Depth),
-            (self.normals, PngLayer::Normals),
-            (self.ids, PngLayer::Ids),
-        ];
-        let begin =
-            |(file, layer): (Option<ImageFile>, _)| file.map(|file| PngRows::begin(file, layer, size));
-        Ok(LayerRows(named.into_iter().filter_map(begin).collect::<Result<_, _>>()?))
+        let all = std::iter::once((image, PngLayer::Color)).chain(self.others);
+        let begun = all.map(|(file, layer)| PngRows::begin(file, layer, size));
+        Ok(LayerRows(begun.collect::<Result<_, _>>()?))
     }
 }
 
@@ -250,7 +242,7 @@ fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &R
     };
     let title = match outputs.title {
         Some("") => {
-            let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip().is_empty());
+            let is_cut = request.section.is_some() || bodies.parts.iter().any(|part| !part.clip.is_empty());
             let uncut = if is_cut { " (uncut)" } else { "" };
             Some(size_title(shown(path.file_stem().unwrap_or_default()), support) + uncut)
         }

@@ -275,7 +275,7 @@ impl Bodies<'_> {
 
     /// Model files.
     fn files(&self) -> usize {
-        self.parts.iter().map(|part| part.file() + 1).max().unwrap_or(0)
+        self.parts.iter().map(|part| part.file + 1).max().unwrap_or(0)
     }
 }
 
@@ -315,7 +315,7 @@ pub(super) fn paint_parts(
     take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
 ) -> Result<(RenderReport, BTreeSet<Seen>), RenderError> {
     let mut prepared = Prepared::new(bodies, request, relief)?;
-    let has_cells = bodies.parts.iter().any(|part| part.view().cells().is_some());
+    let has_cells = bodies.parts.iter().any(|part| part.view.cells().is_some());
     prepared.look.max_band_pixels =
         relief.band_pixels(&prepared.look, bodies.files(), prepared.boxes_wide(bodies), has_cells)?;
     progress.stage("render", prepared.look.height.into());
@@ -363,7 +363,7 @@ impl Prepared {
         if request.lod && request.section.is_none() {
             // A first pass over a few large boxes tells how large the boxes of the picture are; to place the camera, no
             // more of the file is needed.
-            let few = |part: &Instance<'_>| part.space().dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
+            let few = |part: &Instance<'_>| part.space.dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
             let first = |number: usize| parts.get(number).map_or(0, few);
             let camera = place(bodies, request, [width, height], relief, &first)?;
             for (level, part) in levels.iter_mut().zip(parts) {
@@ -415,7 +415,7 @@ impl Prepared {
     fn boxes_wide(&self, bodies: &Bodies<'_>) -> f64 {
         let pixel_mm = self.look.camera.pixel_mm(self.look.height, self.range_mm.1);
         let wide = bodies.parts.iter().zip(&self.look.levels).map(|(part, level)| {
-            let least_mm = part.space().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+            let least_mm = part.space.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
             pixel_mm / (least_mm * f64::from(1_u32 << level.min(&31)))
         });
         wide.fold(0.0, f64::max)
@@ -517,7 +517,7 @@ const FIRST_LOOK_LEVELS: u32 = 6;
 /// 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals but no mean
 /// ones.
 fn level_of_detail(part: &Instance<'_>, camera: &Camera, (height, bias): (u32, i8), near_mm: f64) -> u32 {
-    let (view, space) = (part.view(), part.space());
+    let (view, space) = (part.view, &part.space);
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }

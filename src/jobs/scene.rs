@@ -49,55 +49,9 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     scene::read(&text).map_err(wrong)
 }
 
-/// The scene in a text, or of a single model, as the request wants it.
-fn scene_at(path: &Path, request: &RenderRequest) -> Result<Scene, Error> {
-    let scene = if is_scene(path) { read_scene(path)? } else { alone(path) };
-    Ok(scene.shown_as(request.color, request.clip_mm))
-}
-
 /// The scene of a single model.
 fn alone(path: &Path) -> Scene {
     Scene::of_model(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())))
-}
-
-/// The files of a scene, each opened once.
-struct Files {
-    paths: Vec<PathBuf>,
-    models: Vec<Model>,
-    /// Index of the file of each model of the scene.
-    of: Vec<usize>,
-}
-
-impl Files {
-    /// Opens the files that a scene names, relative to its own file.
-    fn open(scene_path: &Path, scene: &Scene) -> Result<Self, Error> {
-        let folder = scene_path.parent().unwrap_or(Path::new(""));
-        let (mut known, mut files): (Vec<PathBuf>, _) =
-            (Vec::new(), Self { paths: Vec::new(), models: Vec::new(), of: Vec::new() });
-        for (number, model) in (1..).zip(&scene.models) {
-            let path = folder.join(&model.file);
-            // Two names of one file are one file.
-            let real = path.canonicalize().unwrap_or_else(|_| path.clone());
-            let at = match known.iter().position(|other| *other == real) {
-                Some(at) => at,
-                None => {
-                    files.models.push(open_model(&path).map_err(|error| match error {
-                        Error::Load(cause) if is_scene(scene_path) => {
-                            let key = Key { table: Table::Model(number), name: "file" };
-                            let fault = bad!("{key}: {cause}");
-                            Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
-                        }
-                        other => other,
-                    })?);
-                    files.paths.push(path);
-                    known.push(real);
-                    known.len() - 1
-                }
-            };
-            files.of.push(at);
-        }
-        Ok(files)
-    }
 }
 
 /// A plane that meets nothing is refused.
@@ -164,14 +118,10 @@ fn parts<'a, D: AsRef<[u8]>>(
     let tables =
         || models.iter().map(|(_, model, ..)| &*model.frame().labels).filter(|table| !table.is_empty());
     let is_idle = |rule: &&LabelRule| !tables().flatten().any(|label| rule.labels.contains(label));
-    match request.labels.iter().find(is_idle) {
-        Some(_) if tables().next().is_none() => {
-            return Err(unlabelled(path).into());
-        }
-        Some(rule) => {
-            return Err(no_label(&rule.labels, tables().flatten(), path).into());
-        }
-        None => {}
+    if let Some(rule) = request.labels.iter().find(is_idle) {
+        let mut known = tables().flatten().peekable();
+        let is_unlabelled = known.peek().is_none();
+        return Err(if is_unlabelled { unlabelled(path) } else { no_label(&rule.labels, known, path) }.into());
     }
     let mut parts = Vec::with_capacity(models.len());
     for (number, (placed, model, view, file)) in (1..).zip(models.iter().copied()) {
@@ -205,7 +155,7 @@ fn parts<'a, D: AsRef<[u8]>>(
 /// The colours of the first model that shows measured values.
 fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Instance<'_>]) -> Option<Ramp> {
     let ((_, model, ..), part) = models.iter().zip(parts).find(|(_, part)| part.shows_values())?;
-    Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view().value_colors()?))
+    Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view.value_colors()?))
 }
 
 /// Calls `job` with the models in their places; refuses an impossible size, and a slice that meets nothing.
@@ -294,7 +244,7 @@ pub(crate) fn camera_of<D: AsRef<[u8]>>(
     with_model(Path::new(""), model, (request, false), |bodies| {
         let request = RenderRequest { annotate: false, ..request.clone() };
         let camera = super::render::Prepared::new(bodies, &request, &PictureMemory::none())?.look.camera;
-        let space = bodies.parts.first().map(|part| part.space().clone()).ok_or(Error::Internal)?;
+        let space = bodies.parts.first().map(|part| part.space.clone()).ok_or(Error::Internal)?;
         Ok((space, camera))
     })
 }
@@ -303,41 +253,67 @@ pub(crate) fn camera_of<D: AsRef<[u8]>>(
 pub(super) struct OpenScene {
     path: PathBuf,
     scene: Scene,
-    files: Files,
+    /// Paths of the files, each once.
+    paths: Vec<PathBuf>,
+    models: Vec<Model>,
+    /// Index of the file of each model of the scene.
+    file_of: Vec<usize>,
 }
 
 impl OpenScene {
     /// Opens a scene or a model, with the colour and cut of a request.
     pub(super) fn open(path: &Path, request: &RenderRequest) -> Result<Self, Error> {
-        let scene = scene_at(path, request)?;
-        let files = Files::open(path, &scene)?;
-        Ok(Self { path: path.to_path_buf(), scene, files })
+        let scene = if is_scene(path) { read_scene(path)? } else { alone(path) };
+        let scene = scene.shown_as(request.color, request.clip_mm);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let (mut known, mut paths, mut models, mut file_of) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (number, model) in (1..).zip(&scene.models) {
+            let file = folder.join(&model.file);
+            // Two names of one file are one file.
+            let real = file.canonicalize().unwrap_or_else(|_| file.clone());
+            if let Some(at) = known.iter().position(|other| *other == real) {
+                file_of.push(at);
+                continue;
+            }
+            models.push(open_model(&file).map_err(|error| match error {
+                Error::Load(cause) if is_scene(path) => {
+                    let key = Key { table: Table::Model(number), name: "file" };
+                    Error::Scene(SceneError { path: path.to_path_buf(), fault: bad!("{key}: {cause}") })
+                }
+                other => other,
+            })?);
+            file_of.push(paths.len());
+            paths.push(file);
+            known.push(real);
+        }
+        Ok(Self { path: path.to_path_buf(), scene, paths, models, file_of })
     }
 
     /// Paths of the models' files.
     pub(super) fn paths(&self) -> &[PathBuf] {
-        &self.files.paths
+        &self.paths
     }
 
     /// Bytes of all files.
     pub(super) fn bytes(&self) -> u64 {
-        self.files.models.iter().map(|model| model.bytes().len() as u64).sum()
+        self.models.iter().map(|model| model.bytes().len() as u64).sum()
     }
 
     /// Bytes of the files that are in memory.
     pub(super) fn bytes_touched(&self) -> Option<u64> {
-        self.files.models.iter().map(|model| mapped_rss_bytes(model.bytes())).sum()
+        self.models.iter().map(|model| mapped_rss_bytes(model.bytes())).sum()
     }
 
     /// Gives the pages of all files back to the system.
     pub(super) fn give_back(&self) {
-        self.files.models.iter().for_each(Model::give_back);
+        self.models.iter().for_each(Model::give_back);
     }
 
     /// # Errors
     /// A file was changed since it was opened.
     pub(super) fn check_unchanged(&self) -> Result<(), Error> {
-        let mut files = self.files.models.iter().zip(&self.files.paths);
+        let mut files = self.models.iter().zip(&self.paths);
         Ok(files.try_for_each(|(model, path)| model.check_unchanged(path))?)
     }
 
@@ -352,15 +328,12 @@ impl OpenScene {
         wanted: (&RenderRequest, bool),
         job: impl FnOnce(&Bodies<'_>) -> Result<T, Error>,
     ) -> Result<T, Error> {
-        let files = &self.files;
         let (map, range) = (wanted.0.value_map, wanted.0.value_range);
-        let views: Vec<_> = files.models.iter().map(|model| model.view_in_colors(map, range)).collect();
-        let models = self.scene.models.iter().zip(&files.of);
-        let placed: Vec<_> = models
-            .map(|(placed, file)| {
-                (placed, &files.models[*file], (&views[*file], *file), &*files.paths[*file])
-            })
-            .collect();
+        let views: Vec<_> = self.models.iter().map(|model| model.view_in_colors(map, range)).collect();
+        let of_file = |(placed, file): (_, &usize)| {
+            (placed, &self.models[*file], (&views[*file], *file), &*self.paths[*file])
+        };
+        let placed: Vec<_> = self.scene.models.iter().zip(&self.file_of).map(of_file).collect();
         with_bodies(&self.path, &self.scene, &placed, wanted, job)
     }
 

@@ -25,24 +25,8 @@ pub(super) fn raised(py: Python<'_>, error: &Error) -> PyErr {
 
 /// The system's error number, if that is the root cause.
 fn errno(error: &Error) -> Option<i32> {
-    let of = |cause: &(dyn std::error::Error + 'static)| {
-        cause.downcast_ref::<io::Error>().and_then(io::Error::raw_os_error)
-    };
-    let mut cause = match error {
-        Error::Source(e) => e.source(),
-        Error::Build(e) => e.source(),
-        Error::Clean(e) => e.source(),
-        Error::Load(e) => e.source(),
-        Error::Render(e) => e.source(),
-        other => other.source(),
-    };
-    while let Some(inner) = cause {
-        if let Some(number) = of(inner) {
-            return Some(number);
-        }
-        cause = inner.source();
-    }
-    None
+    let causes = std::iter::successors(error.source(), |&cause| cause.source());
+    causes.filter_map(|cause| cause.downcast_ref::<io::Error>()).find_map(io::Error::raw_os_error)
 }
 
 /// The exception of invalid arguments.

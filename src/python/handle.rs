@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::{Element, PyArray1, PyReadonlyArray1};
@@ -125,9 +125,13 @@ impl Handle {
     /// Runs a job on the model, whose file is checked before and after. Bytes that change meanwhile may be those of no
     /// valid model, and the job may then panic: this is an error of the file, too.
     fn unchanged<T>(&self, job: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-        check(&self.bytes.0, &self.path)?;
+        let check = || match &*self.bytes.0 {
+            Store::Mapped(_, file, then) => then.check(file, &self.path),
+            Store::Read(_) => Ok(()),
+        };
+        check()?;
         let made = catch_unwind(AssertUnwindSafe(job));
-        check(&self.bytes.0, &self.path)?;
+        check()?;
         made.unwrap_or_else(|panic| resume_unwind(panic))
     }
 }
@@ -137,13 +141,6 @@ fn read_whole(file: &PositionalFile, bytes: usize) -> io::Result<Vec<u8>> {
     whole.try_reserve_exact(bytes)?;
     file.onwards(0).take(bytes as u64).read_to_end(&mut whole)?;
     Ok(whole)
-}
-
-fn check(store: &Store, path: &Path) -> Result<(), Error> {
-    match store {
-        Store::Mapped(_, file, then) => Ok(then.check(file, path)?),
-        Store::Read(_) => Ok(()),
-    }
 }
 
 /// A flat array of numbers as triples.
@@ -198,21 +195,13 @@ impl Rays for Pixels<'_> {
     }
 }
 
-/// Distance, position, normal, side, cell.
-type Nearest<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<i8>>,
-    Bound<'py, PyArray1<i64>>,
-);
+type Array<'py, T> = Bound<'py, PyArray1<T>>;
 
-type Arrays<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<i64>>,
-);
+/// Distance, position, normal, side, cell.
+type Nearest<'py> = (Array<'py, f64>, Array<'py, f64>, Array<'py, f64>, Array<'py, i8>, Array<'py, i64>);
+
+/// Depth, position, normal, voxel.
+type Arrays<'py> = (Array<'py, f64>, Array<'py, f64>, Array<'py, f64>, Array<'py, i64>);
 
 fn arrays(py: Python<'_>, found: Found) -> Arrays<'_> {
     (
@@ -273,7 +262,7 @@ impl Handle {
         py: Python<'py>,
         asked: &str,
         progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    ) -> PyResult<Array<'py, u8>> {
         Ok(PyArray1::from_vec(py, self.paint(py, &read(py, asked)?, progress)?.rgba))
     }
 
@@ -340,7 +329,7 @@ impl Handle {
         directions: PyReadonlyArray1<'py, f64>,
         t_max: f64,
         threads: usize,
-    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    ) -> PyResult<Array<'py, bool>> {
         let given = rays_of(py, [&origins, &directions])?;
         let met = self.each(py, given.0.len(), |model, progress| {
             rays::any_hit(&RayCaster::new(model)?, &given, t_max, (threads, progress))
@@ -356,14 +345,10 @@ impl Handle {
         only: Option<Vec<String>>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
-        let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];
+        let labels = &only_labels(only.as_deref()).map_err(|sentence| usage(py, &sentence))?[..];
         let request = ExportRequest { triangles: most, labels, ..ExportRequest::of(ExportForm::Ply) };
         let (mesh, distance_mm) = watched(py, progress, |progress| {
-            check(&self.bytes.0, &self.path)?;
-            let mesh = triangles_of(&self.model, &self.path, request, progress);
-            check(&self.bytes.0, &self.path)?;
-            mesh
+            self.unchanged(|| triangles_of(&self.model, &self.path, request, progress))
         })?;
         let arrays = PyDict::new(py);
         arrays.set_item("vertices", PyArray1::from_vec(py, mesh.vertices.into_flattened()))?;

@@ -18,10 +18,9 @@ use crate::builder::{BuildNote, Threshold};
 use crate::error::Error;
 use crate::export::ExportForm;
 use crate::geom::{Affine, Dims};
-use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each, is_other_kind};
+use crate::jobs::build::{BuildJob, BuildSummary, Built, build_each, convert, convert_each, is_other_kind};
 use crate::jobs::compare::{CompareOutputs, CompareRequest};
 use crate::jobs::export::ExportRequest;
-use crate::jobs::info::read_info;
 use crate::jobs::pack::{pack_with, unpack_with};
 use crate::jobs::picture::{Outputs, render_file};
 use crate::jobs::pores::PoresRequest;
@@ -54,7 +53,6 @@ pub(super) fn check_name(py: Python<'_>, output: PathBuf) -> PyResult<()> {
 
 /// Builds the inputs at some paths.
 #[pyfunction]
-#[pyo3(signature = (paths, output, asked, progress))]
 pub(super) fn build_files(
     py: Python<'_>,
     paths: Vec<PathBuf>,
@@ -66,8 +64,7 @@ pub(super) fn build_files(
     let wrong = |sentence: String| usage(py, &sentence);
     let how = asked.opening().map_err(wrong)?;
     let kind = if how.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(&paths) };
-    let options = asked.options().map_err(wrong)?;
-    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
+    let (options, clean, grid) = asked.all().map_err(wrong)?;
     let summary = watched(py, progress, |progress| {
         let job = BuildJob { clean: &clean, grid: &grid, options: &options, output: &output, progress };
         match asked.each() {
@@ -103,7 +100,6 @@ fn layout(py: Python<'_>, ([x, y, z], dtype): &Layout) -> PyResult<(Dims, Scalar
 
 /// Builds samples in memory: bytes, the byte of voxel (0, 0, 0), bytes from a voxel to the next along x, y, z.
 #[pyfunction]
-#[pyo3(signature = (bytes, strides, of, output, asked, progress))]
 pub(super) fn build_array(
     py: Python<'_>,
     bytes: PyReadonlyArray1<'_, u8>,
@@ -123,7 +119,6 @@ pub(super) fn build_array(
 
 /// Builds samples in a file, contiguous from a byte on.
 #[pyfunction]
-#[pyo3(signature = (stored, of, output, asked, progress))]
 pub(super) fn build_stored(
     py: Python<'_>,
     stored: (PathBuf, u64),
@@ -148,9 +143,7 @@ fn build_volume(
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let started = Instant::now();
-    let wrong = |sentence: String| usage(py, &sentence);
-    let options = asked.options().map_err(wrong)?;
-    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
+    let (options, clean, grid) = asked.all().map_err(|sentence| usage(py, &sentence))?;
     let mut warnings = sentences(&volume.info().notes);
     let input = volume.info().description.name.clone();
     let build = |job: &BuildJob<'_>| {
@@ -159,18 +152,7 @@ fn build_volume(
         warnings.extend(report.notes.iter().map(ToString::to_string));
         let note = cleaned.as_ref().and_then(|cleaned| cleaned.note);
         warnings.extend(note.map(|note| note.to_string()));
-        Ok(BuildSummary {
-            input,
-            output: output.to_path_buf(),
-            memory_bytes: options.memory.bytes(),
-            report,
-            info: read_info(output)?,
-            each: Vec::new(),
-            cleaning: (!clean.is_empty()).then(|| (clean.operations(), cleaned)),
-            warnings,
-            hints: Vec::new(),
-            wall_s: started.elapsed().as_secs_f64(),
-        })
+        job.summary(input, Built { report, cleaned, warnings, hints: Vec::new() }, started)
     };
     let summary = watched(py, progress, move |progress: &dyn Progress| {
         let job = BuildJob { clean: &clean, grid: &grid, options: &options, output, progress };
@@ -185,7 +167,6 @@ fn build_volume(
 
 /// Packs a model, or unpacks it.
 #[pyfunction]
-#[pyo3(signature = (input, output, packs, progress))]
 pub(super) fn repack(
     py: Python<'_>,
     input: PathBuf,
@@ -200,7 +181,6 @@ pub(super) fn repack(
 
 /// Lists pores, or bodies; the report as JSON.
 #[pyfunction]
-#[pyo3(signature = (model, csv, asked, progress))]
 pub(super) fn pores(
     py: Python<'_>,
     model: PathBuf,
@@ -245,7 +225,6 @@ struct ThicknessAsked {
 
 /// Measures the thickness of a model; the report as JSON.
 #[pyfunction]
-#[pyo3(signature = (path, output, csv, asked, progress))]
 pub(super) fn thickness(
     py: Python<'_>,
     path: PathBuf,
@@ -265,7 +244,6 @@ pub(super) fn thickness(
 
 /// Compares two inputs; the report as JSON.
 #[pyfunction]
-#[pyo3(signature = (files, output, csv, asked, progress))]
 pub(super) fn compare(
     py: Python<'_>,
     files: (PathBuf, PathBuf),
@@ -333,8 +311,7 @@ pub(super) fn export(
         return Err(usage(py, &format!("{option} is for triangles (stl, ply, obj, glb, 3mf); leave it out")));
     }
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
-    let labels = only_labels(only.as_deref()).into_iter().collect::<Result<Vec<_>, _>>();
-    let labels = &labels.map_err(|sentence| usage(py, &sentence))?[..];
+    let labels = &only_labels(only.as_deref()).map_err(|sentence| usage(py, &sentence))?[..];
     let request = ExportRequest { error, triangles: most, smooth, labels, ..ExportRequest::of(form) };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
@@ -343,7 +320,6 @@ pub(super) fn export(
 
 /// Renders a scene to a PNG.
 #[pyfunction]
-#[pyo3(signature = (path, output, size, threads, progress))]
 pub(super) fn render_scene(
     py: Python<'_>,
     path: PathBuf,

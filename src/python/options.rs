@@ -83,7 +83,7 @@ impl BuildAsked {
         self.each.as_ref().map(|folder| EachLabel { folder, replace: true, keep_whole: true })
     }
 
-    pub(super) fn options(&self) -> Result<BuildOptions, String> {
+    fn options(&self) -> Result<BuildOptions, String> {
         let mut options: BuildOptions = parsed(&self.build)?;
         options.visible_from =
             self.visible_from.iter().map(|from| viewed_from(from)).collect::<Result<_, _>>()?;
@@ -103,12 +103,9 @@ impl BuildAsked {
         }
     }
 
-    pub(super) fn cleaning(&self) -> Result<CleanOptions, String> {
-        parsed(&self.clean)
-    }
-
-    pub(super) fn grid(&self) -> Result<GridOptions, String> {
-        parsed(&self.grid)
+    /// The options of the build, of the cleaning before it, and of the grid of meshes.
+    pub(super) fn all(&self) -> Result<(BuildOptions, CleanOptions, GridOptions), String> {
+        Ok((self.options()?, parsed(&self.clean)?, parsed(&self.grid)?))
     }
 
     pub(super) fn opening(&self) -> Result<OpenOptions, String> {
@@ -188,13 +185,9 @@ impl PictureAsked {
         let usual = RenderRequest::default();
         // Names were checked by the package.
         let (shading, smoothing) = match self.shading.as_deref() {
-            Some("plain") => (Some(Shading::Plain), Smoothing::Smooth),
-            Some("soft") => (Some(Shading::Soft), Smoothing::Smooth),
-            Some("ao") => (Some(Shading::Ao), Smoothing::Smooth),
-            Some("flat") => (Some(Shading::Flat), Smoothing::Smooth),
             Some("stored") => (Some(Shading::Plain), Smoothing::Stored),
             Some("blended") => (Some(Shading::Plain), Smoothing::Blended),
-            _ => (None, Smoothing::Smooth),
+            light => (Shading::ALL.iter().find(|of| Some(of.name()) == light).copied(), Smoothing::Smooth),
         };
         let value_map = match self.colors.as_deref() {
             Some("diverging") => Some(ColorMap::Diverging),
@@ -253,12 +246,15 @@ impl PictureAsked {
 
     /// Visibility of labels; later rules override earlier ones.
     fn labels(&self) -> Result<Vec<LabelRule>, String> {
-        let only = only_labels(self.only.as_deref()).into_iter();
         if let Some((label, part)) = self.opacity.iter().find(|(_, part)| !(0.0..=1.0).contains(part)) {
             return Err(format!("opacity of {label} is {part}; choose 0 to 1"));
         }
-        let opacity = self.opacity.iter().map(|(text, part)| rule(text, *part));
-        only.chain(opacity).chain(self.hide.iter().map(|text| rule(text, 0.0))).collect()
+        let mut rules = only_labels(self.only.as_deref())?;
+        let opacity = self.opacity.iter().map(|(text, part)| (text, *part));
+        for (text, part) in opacity.chain(self.hide.iter().map(|text| (text, 0.0))) {
+            rules.push(rule(text, part)?);
+        }
+        Ok(rules)
     }
 }
 
@@ -267,7 +263,7 @@ fn rule(label: &str, opacity: f64) -> Result<LabelRule, String> {
 }
 
 /// Rules that leave out all labels but some, if these are given.
-pub(super) fn only_labels(labels: Option<&[String]>) -> Vec<Result<LabelRule, String>> {
+pub(super) fn only_labels(labels: Option<&[String]>) -> Result<Vec<LabelRule>, String> {
     let none = labels.map(|_| Ok(LabelRule { labels: LabelPick::All, opacity: 0.0 }));
     none.into_iter().chain(labels.into_iter().flatten().map(|label| rule(label, 1.0))).collect()
 }

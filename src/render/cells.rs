@@ -14,6 +14,7 @@
 //! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
 use crate::format::cell::{CORNERS, Plane};
+use crate::geom::dot;
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
 use super::ray::{FRACTION_BITS, Ray};
@@ -72,7 +73,6 @@ impl<'a> Cells<'a> {
             CellShape::Plane(_) => stored,
             CellShape::Corners(corners) => {
                 let own = Trilinear::new(corners).gradient(u).map(|c| -c);
-                let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
                 let along = dot(stored, own);
                 let is_near = along * along >= NEAR_OWN * dot(stored, stored) * dot(own, own);
                 if along >= 0.0 && is_near { stored } else { own }

@@ -1,4 +1,4 @@
-//! Choices for a picture's light, normals and samples.
+//! Choices for a picture's rays, light, normals and samples.
 
 /// Declares choices with their names on the command line and in reports.
 macro_rules! choices {
@@ -67,6 +67,17 @@ choices! {
         /// As `Smooth`, and normals of voxels are blended between the boxes around a hit: smoother close-ups, some
         /// microseconds a pixel.
         Blended = "blended",
+    }
+}
+
+choices! {
+    /// The kind of a picture's rays.
+    Traversal {
+        /// The first box that the line intersects.
+        #[default]
+        Exact = "exact",
+        /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
+        Discrete = "discrete",
     }
 }
 

@@ -251,15 +251,15 @@ impl Image {
             encoder.set_depth(png::BitDepth::Eight);
             encoder.set_compression(png::Compression::Fast);
             encoder.set_filter(png::Filter::Paeth);
-            encoder.set_animated(count, 0).map_err(io::Error::from)?;
-            encoder.set_frame_delay(each(all_ms / count.max(1)).max(1), 1000).map_err(io::Error::from)?;
-            encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
+            encoder.set_animated(count, 0)?;
+            encoder.set_frame_delay(each(all_ms / count.max(1)).max(1), 1000)?;
+            encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into())?;
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-            let mut writer = encoder.write_header().map_err(io::Error::from)?;
+            let mut writer = encoder.write_header()?;
             for number in 0..count {
-                writer.write_image_data(&frame(number)?.rgba).map_err(io::Error::from)?;
+                writer.write_image_data(&frame(number)?.rgba)?;
             }
-            writer.finish().map_err(io::Error::from)
+            Ok(writer.finish()?)
         });
         stopped.map_or(Ok(()), Err)?;
         Ok(filled?)
@@ -319,6 +319,11 @@ fn encoder<W: Write>(
     Ok(encoder)
 }
 
+/// The error of a file at `path` that cannot be written.
+fn unwritable(path: &Path) -> impl Fn(io::Error) -> RenderError {
+    move |cause| RenderFault::Write { path: path.to_path_buf(), cause }.into()
+}
+
 /// Bytes of compressed pixels written together.
 const CHUNK: usize = 64 << 10;
 
@@ -341,10 +346,8 @@ impl PngRows {
             let writer = encoder(file.file().try_clone()?, layer, size)?.write_header()?;
             Ok(writer.into_stream_writer_with_size(CHUNK)?)
         };
-        match begin() {
-            Ok(writer) => Ok(Self { layer, writer, path, file }),
-            Err(cause) => Err(RenderFault::Write { path, cause }.into()),
-        }
+        let writer = begin().map_err(unwritable(&path))?;
+        Ok(Self { layer, writer, path, file })
     }
 
     /// Adds the rows of a part of the picture.
@@ -358,28 +361,24 @@ impl PngRows {
                 writer.write_all(&bytes)
             })
         };
+        let without = |layer| usage!("the picture was made without {layer}; ask for it").into();
         let written = match (self.layer, part) {
             (PngLayer::Color, part) => self.writer.write_all(&part.rgba),
             (PngLayer::Depth, Image { depth: Some(depth), .. }) => words(&mut self.writer, depth),
             (PngLayer::Normals, Image { normals: Some(normals), .. }) => self.writer.write_all(normals),
             (PngLayer::Ids, Image { ids: Some(ids), .. }) => words(&mut self.writer, ids),
-            (layer, _) => {
-                let layer = match layer {
-                    PngLayer::Depth => "depth",
-                    PngLayer::Normals => "normals",
-                    _ => "numbers of boxes",
-                };
-                return Err(usage!("the picture was made without {layer}; ask for it").into());
-            }
+            (PngLayer::Depth, _) => return Err(without("depth")),
+            (PngLayer::Normals, _) => return Err(without("normals")),
+            (PngLayer::Ids, _) => return Err(without("numbers of boxes")),
         };
-        written.map_err(|cause| RenderError::from(RenderFault::Write { path: self.path.clone(), cause }))
+        written.map_err(unwritable(&self.path))
     }
 
     /// Moves the file to its place after all rows are written.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { writer, path, file, .. } = self;
         let written = writer.finish().map_err(io::Error::from).and_then(|()| file.commit());
-        written.map_err(|cause| RenderError::from(RenderFault::Write { path, cause }))
+        written.map_err(unwritable(&path))
     }
 }
 
@@ -396,10 +395,8 @@ impl ImageFile {
     /// # Errors
     /// [`RenderError`] when the folder is missing or cannot be written, or `path` is a folder or a device.
     pub(crate) fn create(path: &Path) -> Result<Self, RenderError> {
-        match AtomicFile::create(path) {
-            Ok(file) => Ok(Self { path: path.to_path_buf(), file }),
-            Err(cause) => Err(RenderFault::Write { path: path.to_path_buf(), cause }.into()),
-        }
+        let file = AtomicFile::create(path).map_err(unwritable(path))?;
+        Ok(Self { path: path.to_path_buf(), file })
     }
 
     /// Writes the bytes and moves the file to its place.
@@ -412,7 +409,7 @@ impl ImageFile {
             drop(out);
             file.commit()
         };
-        write().map_err(|cause| RenderError::from(RenderFault::Write { path, cause }))
+        write().map_err(unwritable(&path))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Sizes, threads and codes of pictures, and the kinds of their rays.
 
+pub use super::choices::Traversal;
 use super::{RenderError, RenderFault};
 
 /// Stack of a worker; nothing here recurses.
@@ -8,31 +9,6 @@ const WORKER_STACK_BYTES: usize = 4 << 20;
 /// Longest side and most pixels of a picture.
 const MAX_SIDE: u32 = 32_768;
 const MAX_PIXELS: u64 = 1 << 28;
-
-/// The kind of a picture's rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub enum Traversal {
-    /// The first box that the line intersects.
-    #[default]
-    Exact,
-    /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
-    Discrete,
-}
-
-impl Traversal {
-    /// All kinds.
-    pub const ALL: [Self; 2] = [Self::Exact, Self::Discrete];
-
-    /// Name on the command line and in reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Discrete => "discrete",
-        }
-    }
-}
 
 /// Checks a picture's size.
 ///
@@ -55,9 +31,7 @@ pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
         .num_threads(threads.max(1))
         .stack_size(WORKER_STACK_BYTES)
         .build()
-        .map_err(|cause| {
-            RenderError::from(RenderFault::Threads { threads, cause: std::io::Error::other(cause) })
-        })
+        .map_err(|cause| RenderFault::Threads { threads, cause: std::io::Error::other(cause) }.into())
 }
 
 /// Grey of a depth in a depth image of this range.

@@ -35,12 +35,6 @@ pub(crate) struct Shader {
     lights: Vec<f64>,
 }
 
-impl Default for Shader {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Shader {
     /// Prepares the sRGB table.
     pub(crate) fn new() -> Self {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::cpu::Form;
 use crate::geom::{NodeIndex, add_scaled, dot};
 use crate::render::Samples;
-use crate::render::ambient::{RayBatch, ShadedPoint, tangents};
+use crate::render::ambient::{RayBatch, ShadedPoint, Sky, tangents};
 use crate::render::ambient_filter::{Patch, WIDE};
 use crate::render::colors::label_of;
 use crate::render::image::Image;
@@ -124,12 +124,26 @@ impl Band {
     }
 }
 
-/// The pixels of a tile in the band.
+/// The pixels of some tiles in the band.
 struct BandTile<'a> {
     hits: &'a mut [PixelHit],
     normals: &'a mut [[f32; 3]],
     open: &'a mut [u8],
     items: &'a mut [Item],
+}
+
+impl BandTile<'_> {
+    /// The pixels in parts of so many each.
+    fn parts(self, pixels: usize) -> impl Iterator<Item = Self> {
+        let mut items = self.items.chunks_mut(pixels);
+        let rest = self.normals.chunks_mut(pixels).zip(self.open.chunks_mut(pixels));
+        self.hits.chunks_mut(pixels).zip(rest).map(move |(hits, (normals, open))| Self {
+            hits,
+            normals,
+            open,
+            items: items.next().unwrap_or_default(),
+        })
+    }
 }
 
 /// State of a worker, from one pixel to the next.
@@ -159,23 +173,14 @@ impl Painter<'_> {
         let start = Instant::now();
         let row_pixels = band.row_pixels();
         let before = band.grow(rows);
-        let (_, hits) = band.hits.split_at_mut(before);
-        let (_, normals) = band.normals.split_at_mut(before);
-        let (_, open) = band.open.split_at_mut(before);
-        let known = before.min(band.items.len());
-        let (_, items) = band.items.split_at_mut(known);
-        let mut items = items.chunks_mut(row_pixels);
-        let rows_of_tiles: Vec<BandTile<'_>> = hits
-            .chunks_mut(row_pixels)
-            .zip(normals.chunks_mut(row_pixels))
-            .zip(open.chunks_mut(row_pixels))
-            .map(|((hits, normals), open)| BandTile {
-                hits,
-                normals,
-                open,
-                items: items.next().unwrap_or_default(),
-            })
-            .collect();
+        let items_before = before.min(band.items.len());
+        let added = BandTile {
+            hits: &mut band.hits[before..],
+            normals: &mut band.normals[before..],
+            open: &mut band.open[before..],
+            items: &mut band.items[items_before..],
+        };
+        let rows_of_tiles: Vec<_> = added.parts(row_pixels).collect();
         let counts = rows_of_tiles
             .into_par_iter()
             .enumerate()
@@ -185,15 +190,8 @@ impl Painter<'_> {
                     kept.normals.forget();
                     let limit = (rows - row * TILE).min(TILE);
                     let mut counts = Counts::default();
-                    let tiles =
-                        pixels.hits.chunks_mut(TILE_PIXELS).zip(pixels.normals.chunks_mut(TILE_PIXELS));
-                    let mut items = pixels.items.chunks_mut(TILE_PIXELS);
-                    for (tile, ((hits, normals), open)) in
-                        tiles.zip(pixels.open.chunks_mut(TILE_PIXELS)).enumerate()
-                    {
+                    for (tile, pixels) in pixels.parts(TILE_PIXELS).enumerate() {
                         let corner = [tile * TILE, top + row * TILE];
-                        let items = items.next().unwrap_or_default();
-                        let pixels = BandTile { hits, normals, open, items };
                         counts = counts.plus(self.look_at(kept, corner, limit, pixels));
                         if self.watch.ends() {
                             break;
@@ -257,10 +255,8 @@ impl Painter<'_> {
             let line = self.line(group, ray);
             let spot = self.stage.spot(&mut kept.memory, &Branch::first(line), number, met);
             let pixel = [corner[0] + ray % TILE, corner[1] + ray / TILE];
-            let open = self
-                .sky
-                .as_ref()
-                .map_or(1.0, |sky| self.stage.openness(&mut kept.memory, &spot, sky.of(pixel)));
+            let openness = |sky: &Sky| self.stage.openness(&mut kept.memory, &spot, sky.of(pixel));
+            let open = self.sky.as_ref().map_or(1.0, openness);
             #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
             let normal = spot.shown.map(|c| c as f32);
             let item = Item { body: u16::try_from(number).unwrap_or(u16::MAX), label: spot.label };
@@ -279,7 +275,7 @@ impl Painter<'_> {
         else {
             return 0;
         };
-        let (view, cells) = (body.part.view(), body.cells.as_ref());
+        let (view, cells) = (body.part.view, body.cells.as_ref());
         lot.begin();
         let (mut traced, mut level) = (0, body.level);
         let hits = met.iter().enumerate().filter_map(|(at, met)| match met {
@@ -298,7 +294,7 @@ impl Painter<'_> {
             let normal = out.normals.get(at).copied().unwrap_or_default().map(f64::from);
             let away = dot(normal, sight) > 0.0;
             let place = ShadedPoint {
-                space: body.part.space(),
+                space: &body.part.space,
                 hit,
                 point: add_scaled(origin, hit.t, sight),
                 normal: if away { normal.map(|c| -c) } else { normal },
@@ -406,7 +402,7 @@ impl Painter<'_> {
     /// The number of a pixel's visible label; `None` for a model without labels.
     fn label(&self, (hit, _, _, item): BandPixel, [x, y]: [usize; 2]) -> Option<u16> {
         let body = self.stage.world.bodies.get(usize::from(item.body))?;
-        body.part.view().labels()?;
+        body.part.view.labels()?;
         if let Some((_, label)) = hit.cut_of() {
             return Some(label);
         }
@@ -415,7 +411,7 @@ impl Painter<'_> {
         }
         let line = self.line(Group::Pixels([x, y], (1, 1)), 0);
         let met = body.normals.label(hit, line).map(|label| label.number);
-        met.or_else(|| label_of(body.part.view(), hit))
+        met.or_else(|| label_of(body.part.view, hit))
     }
 
     /// Number of a pixel's visible label, or of its box, from 1 on. Numbers of the second model start at 2^32, and so

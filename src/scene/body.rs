@@ -51,14 +51,14 @@ const WALL: f64 = 1.75;
 /// A model, its place in the scene, and its material.
 #[derive(Debug)]
 pub struct Instance<'a> {
-    view: &'a ModelView<'a>,
-    space: GridSpace,
+    pub(crate) view: &'a ModelView<'a>,
+    pub(crate) space: GridSpace,
     /// Number of the file: models of one file share it.
-    file: usize,
-    material: Material,
+    pub(crate) file: usize,
+    pub(super) material: Material,
     colors: Option<Colors<'a>>,
     opacity: Option<Opacity<'a>>,
-    clip: Clip,
+    pub(crate) clip: Clip,
     /// Bounds of the visible labels; found when a camera is first placed.
     visible: OnceLock<Bounds>,
 }
@@ -142,12 +142,16 @@ impl<'a> Instance<'a> {
 
     /// The visible label at a hit: at a wall between two, the one behind, or where that is hidden the one before.
     fn label(&self, line: Line, hit: &Hit) -> Option<u16> {
-        let (opacity, voxel) = (self.opacity.as_ref()?, hit.voxel(self.view)?);
-        let [before, behind] = self.beside(&self.view.walls(voxel)?, line, hit);
+        let (opacity, [before, behind]) = (self.opacity.as_ref()?, self.sides(line, hit)?);
         Some(if opacity.part(behind) > 0.0 { behind } else { before })
     }
 
-    /// The labels before and behind a hit.
+    /// The labels before and behind a hit; `None` without walls.
+    pub(super) fn sides(&self, line: Line, hit: &Hit) -> Option<[u16; 2]> {
+        Some(self.beside(&self.view.walls(hit.voxel(self.view)?)?, line, hit))
+    }
+
+    /// The labels before and behind a hit in a cell with these walls.
     pub(super) fn beside(&self, walls: &Walls, line: Line, hit: &Hit) -> [u16; 2] {
         let u = cell_coordinates(&self.space, hit.cell, add_scaled(line.0, hit.t, line.1));
         let way = self.space.world_to_grid().apply_vector(line.1);
@@ -209,26 +213,6 @@ impl<'a> Instance<'a> {
         let hidden = self.opacity.as_ref().filter(|opacity| opacity.hides_some())?.hidden(true);
         let bounds = || self.space.bounds_of_visible(self.view, hidden, look);
         Some((hidden, *self.visible.get_or_init(bounds)))
-    }
-
-    pub(crate) fn view(&self) -> &'a ModelView<'a> {
-        self.view
-    }
-
-    pub(crate) fn space(&self) -> &GridSpace {
-        &self.space
-    }
-
-    pub(crate) fn file(&self) -> usize {
-        self.file
-    }
-
-    pub(super) fn material(&self) -> &Material {
-        &self.material
-    }
-
-    pub(crate) fn clip(&self) -> &Clip {
-        &self.clip
     }
 }
 
@@ -568,15 +552,8 @@ impl<'a> Body<'a> {
 
     /// First hits of a line in every box of the surface.
     fn hits(&self, line: Line) -> Vec<Hit> {
-        let (mut found, mut last) = (Vec::new(), None);
-        while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
-            && let Some(hit) =
-                self.trace(RayKind::PixelRays, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
-        {
-            found.push(hit);
-            last = Some(hit);
-        }
-        found
+        let next = |last: Option<&Hit>| self.hit(RayKind::PixelRays, line, 0.0, last);
+        std::iter::successors(next(None), |last| next(Some(last))).collect()
     }
 
     /// Inside segments of a line of this length within every box of the surface. A line in the other direction finds

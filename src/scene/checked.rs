@@ -87,12 +87,16 @@ impl Checked {
         Ok(color.map(|c| c * strength))
     }
 
+    /// The fault of a key without another one.
+    pub(super) fn needs(&self, name: &'static str, other: &str) -> Fault {
+        bad!("{}: needs {other} as well; add it", self.key(name))
+    }
+
     pub(super) fn not_both(&self, name: &'static str, given: bool, other: &'static str) -> Result<(), Fault> {
         if given {
-            Err(bad!("{}: does not go with {other}; leave one of them out", self.key(name)))
-        } else {
-            Ok(())
+            return Err(bad!("{}: does not go with {other}; leave one of them out", self.key(name)));
         }
+        Ok(())
     }
 
     pub(super) fn unknown<'n>(
@@ -101,28 +105,18 @@ impl Checked {
         given: &str,
         known: impl IntoIterator<Item = &'n str>,
     ) -> Fault {
-        let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
-        bad!("{}: '{}' is unknown; choose {}", self.key(name), shown(given), any_of(&known))
+        let known: Vec<String> = known.into_iter().map(|name| shown(name).to_string()).collect();
+        let choices = match &known[..] {
+            [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+            few => few.concat(),
+        };
+        bad!("{}: '{}' is unknown; choose {choices}", self.key(name), shown(given))
     }
 
     pub(super) fn few(&self, name: &'static str, count: usize, most: usize) -> Result<(), Fault> {
         if count > most {
-            Err(bad!("{}: {count} are too many; write at most {most}", self.key(name)))
-        } else {
-            Ok(())
+            return Err(bad!("{}: {count} are too many; write at most {most}", self.key(name)));
         }
+        Ok(())
     }
-}
-
-fn any_of(names: &[String]) -> String {
-    let mut text = String::new();
-    for (at, name) in names.iter().enumerate() {
-        let before = match at {
-            0 => "",
-            _ if at + 1 == names.len() => " or ",
-            _ => ", ",
-        };
-        text += &format!("{before}{}", shown(name));
-    }
-    text
 }

@@ -92,8 +92,7 @@ pub(super) struct AmbientKeys {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ClipKeys {
-    #[serde(rename = "box")]
-    #[serde(default, deserialize_with = "some_rows")]
+    #[serde(rename = "box", default, deserialize_with = "some_rows")]
     pub(super) within: Option<[[f64; 3]; 2]>,
     #[serde(default, deserialize_with = "rows")]
     pub(super) planes: Vec<[f64; 4]>,
@@ -147,8 +146,7 @@ pub(super) struct ModelKeys {
     #[serde(default, deserialize_with = "some")]
     pub(super) turn: Option<[f64; 3]>,
     pub(super) pivot: Option<PivotKey>,
-    #[serde(rename = "move")]
-    #[serde(default, deserialize_with = "some")]
+    #[serde(rename = "move", default, deserialize_with = "some")]
     pub(super) moved: Option<[f64; 3]>,
     #[serde(default, deserialize_with = "some")]
     pub(super) at: Option<[f64; 3]>,

@@ -63,9 +63,7 @@ impl fmt::Display for Table {
 /// A key of the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Key {
-    /// Table of the key.
     pub table: Table,
-    /// Name of the key.
     pub name: &'static str,
 }
 

@@ -70,18 +70,14 @@ impl Light {
             let distance = dot(way, way).sqrt();
             (distance > 0.0).then(|| LightSample { towards: way.map(|c| c / distance), distance })
         };
+        let far = |towards| Some(LightSample { towards, distance: f64::INFINITY });
         match self.kind {
-            LightKind::Directional { towards } => Some(LightSample { towards, distance: f64::INFINITY }),
-            LightKind::Key => {
-                Some(LightSample { towards: towards_key(camera.axes()), distance: f64::INFINITY })
-            }
+            LightKind::Directional { towards } => far(towards),
+            LightKind::Key => far(towards_key(camera.axes())),
             LightKind::Point { at } => to(at),
-            LightKind::Head => match camera.eye() {
-                Some(eye) => to(eye),
-                None => {
-                    let [_, _, forward] = camera.axes();
-                    Some(LightSample { towards: forward.map(|c| -c), distance: f64::INFINITY })
-                }
+            LightKind::Head => match (camera.eye(), camera.axes()) {
+                (Some(eye), _) => to(eye),
+                (None, [_, _, forward]) => far(forward.map(|c| -c)),
             },
         }
     }

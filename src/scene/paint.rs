@@ -375,9 +375,9 @@ impl<'a> Painter<'a> {
         watch: Watch<'a>,
     ) -> Result<Self, RenderError> {
         let world = World::of(parts, look.smoothing, &look.levels);
-        let is_whole = |body: &Body<'_>| body.part.clip().is_empty() && !body.part.is_dimmed();
+        let is_whole = |body: &Body<'_>| body.part.clip.is_empty() && !body.part.is_dimmed();
         let is_discrete = look.traversal == Traversal::Discrete;
-        if is_discrete && world.bodies.iter().any(|body| body.part.view().cells().is_some()) {
+        if is_discrete && world.bodies.iter().any(|body| body.part.view.cells().is_some()) {
             return Err(usage!("discrete rays meet voxels, and this model has cells with a surface within; leave {TRAVERSAL} exact, or build it with {SURFACE} skin").into());
         }
         if is_discrete && !(look.near_mm == 0.0 && world.bodies.iter().all(is_whole)) {
@@ -386,18 +386,18 @@ impl<'a> Painter<'a> {
         let (width, height) = (look.width, look.height);
         let places = u32::from(PLACES.to_le_bytes()[0]);
         let eyes = parts.iter().map(|part| {
-            let sight = PixelRays::new(part.space(), &look.camera, width, height);
-            let places = PixelRays::new(part.space(), &look.camera, width * places, height * places);
+            let sight = PixelRays::new(&part.space, &look.camera, width, height);
+            let places = PixelRays::new(&part.space, &look.camera, width * places, height * places);
             let discrete = is_discrete.then(|| DiscreteRays::new(sight, width, height));
             Eye { sight, places, discrete }
         });
         let rays = look.sky_rays();
         let step = step_size(&world, look);
-        let is_lit = |body: &Body<'_>| !body.part.material().is_plain() || body.part.is_translucent();
+        let is_lit = |body: &Body<'_>| !body.part.material.is_plain() || body.part.is_translucent();
         Ok(Self {
             look,
             eyes: eyes.collect(),
-            files: parts.iter().map(|part| part.file() + 1).max().unwrap_or(0),
+            files: parts.iter().map(|part| part.file + 1).max().unwrap_or(0),
             form: Form::best(),
             sky: (rays > 0).then(|| Sky::shared(rays)),
             step,
@@ -450,16 +450,16 @@ impl<'a> Painter<'a> {
                     trace.hit.into_iter().for_each(|hit| take(ray, SurfaceHit::Surface(hit)));
                 };
                 match group {
-                    Group::Pixels(..) => discrete.trace_tile(body.part.view(), tile, asked, each),
+                    Group::Pixels(..) => discrete.trace_tile(body.part.view, tile, asked, each),
                     Group::Places(..) => rays_of(asked).for_each(|ray| {
                         let [x, y] = [tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]
                             .map(|c| (c as f64 + 0.5) / PLACES as f64);
-                        each(ray, discrete.trace(body.part.view(), x, y, body.level));
+                        each(ray, discrete.trace(body.part.view, x, y, body.level));
                     }),
                 }
                 continue;
             }
-            if self.look.near_mm > 0.0 || !body.part.clip().is_empty() {
+            if self.look.near_mm > 0.0 || !body.part.clip.is_empty() {
                 for ray in rays_of(asked) {
                     let line = self.line(group, ray);
                     let near = self.look.near_mm / dot(line.1, line.1).sqrt();
@@ -469,7 +469,7 @@ impl<'a> Painter<'a> {
                 }
                 continue;
             }
-            let view = body.part.view();
+            let view = body.part.view;
             let hits = match &body.cells {
                 Some(cells) => tracer.trace_some(view, cells, sight, tile, asked),
                 None => tracer.trace_some(view, &Skin, sight, tile, asked),
@@ -535,7 +535,7 @@ impl<'a> Painter<'a> {
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
 fn step_size(world: &World<'_>, look: &PictureSettings) -> StepSize {
     let voxel_mm = world.bodies.iter().fold(0.0_f64, |most, body| {
-        let [x, y, z] = body.part.space().spacing_mm();
+        let [x, y, z] = body.part.space.spacing_mm();
         most.max((x + y + z) / 3.0 * f64::from(1_u32 << body.level.min(31)))
     });
     let [at_eye, at_one] = [0.0, 1.0].map(|depth| look.camera.pixel_mm(look.height, depth));

@@ -15,14 +15,11 @@ pub struct Placement {
     pub at: [f64; 3],
 }
 
-/// The identity.
-const STAY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
-
 /// Rotation about an axis.
 fn turn(axis: usize, degrees: f64) -> Affine {
     let [sin, cos] = angle::sin_cos_deg(degrees);
     let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-    let mut turned = STAY;
+    let mut turned = Affine::from_spacing([1.0; 3]);
     (turned.rows[a][a], turned.rows[a][b]) = (cos, -sin);
     (turned.rows[b][a], turned.rows[b][b]) = (sin, cos);
     turned

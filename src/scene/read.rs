@@ -93,30 +93,26 @@ fn samples(top: &Checked, keys: &Description) -> Result<Samples, Fault> {
 
 fn camera(keys: &CameraKeys) -> Result<SceneCamera, Fault> {
     let on = Checked(Table::Camera);
-    let view = keys
-        .view
-        .as_deref()
-        .map(|text| text.parse().map_err(|_| on.unknown("view", text, NamedView::ALL.map(NamedView::name))));
-    let projection = keys
-        .projection
-        .as_deref()
-        .map(|text| text.parse().map_err(|_| on.unknown("projection", text, ["parallel", "perspective"])));
+    let view =
+        |text: &str| text.parse().map_err(|_| on.unknown("view", text, NamedView::ALL.map(NamedView::name)));
+    let projection =
+        |text: &str| text.parse().map_err(|_| on.unknown("projection", text, ["parallel", "perspective"]));
     on.not_both("view", keys.view.is_some() && keys.eye.is_some(), "eye")?;
     let eye = match (keys.eye, keys.look_at) {
         // The camera itself refuses infinite or equal points.
         (Some(eye), Some(look_at)) => Some([eye, look_at]),
         (None, None) => None,
-        (Some(_), None) => return Err(bad!("{}: needs look_at as well; add it", on.key("eye"))),
-        (None, Some(_)) => return Err(bad!("{}: needs eye as well; add it", on.key("look_at"))),
+        (Some(_), None) => return Err(on.needs("eye", "look_at")),
+        (None, Some(_)) => return Err(on.needs("look_at", "eye")),
     };
     if keys.up.is_some() && eye.is_none() {
-        return Err(bad!("{}: needs eye as well; add it", on.key("up")));
+        return Err(on.needs("up", "eye"));
     }
     Ok(SceneCamera {
-        view: view.transpose()?,
+        view: keys.view.as_deref().map(view).transpose()?,
         eye,
         up: keys.up,
-        projection: projection.transpose()?,
+        projection: keys.projection.as_deref().map(projection).transpose()?,
         fov_deg: keys.fov,
         near_mm: keys.near.map_or(Ok(0.0), |v| on.number("near", v, [0.0, FAR]))?,
     })
@@ -133,18 +129,17 @@ fn ambient(keys: &AmbientKeys) -> Result<Ambient, Fault> {
 
 fn light(number: usize, keys: &LightKeys) -> Result<Light, Fault> {
     let on = Checked(Table::Light(number));
-    let needs = |name, other| bad!("{}: needs {other} as well; add it", on.key(name));
     on.not_both("at", keys.at.is_some() && keys.kind != LightName::Point, "kind")?;
     on.not_both("from", keys.from.is_some() && keys.kind != LightName::Directional, "kind")?;
     let kind = match keys.kind {
         LightName::Head => LightKind::Head,
         LightName::Key => LightKind::Key,
         LightName::Directional => {
-            let from = keys.from.ok_or_else(|| needs("kind", "from"))?;
+            let from = keys.from.ok_or_else(|| on.needs("kind", "from"))?;
             LightKind::Directional { towards: on.direction("from", from)? }
         }
         LightName::Point => {
-            LightKind::Point { at: on.point("at", keys.at.ok_or_else(|| needs("kind", "at"))?)? }
+            LightKind::Point { at: on.point("at", keys.at.ok_or_else(|| on.needs("kind", "at"))?)? }
         }
     };
     Ok(Light {
@@ -155,10 +150,9 @@ fn light(number: usize, keys: &LightKeys) -> Result<Light, Fault> {
 }
 
 fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, Fault> {
-    let material = material(name, keys)?;
     let on = Checked(Table::Material(name.to_owned()));
+    let material = material(&on, keys)?;
     let by_preset = keys.preset.as_deref().map_or(Coloring::Own, Coloring::preset);
-    let needs = |key, other| bad!("{}: needs {other} as well; add it", on.key(key));
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::Color), "channel")?;
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::None), "channel")?;
     let colors = |given: &[(f64, String)]| {
@@ -178,11 +172,11 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, Fault> {
     };
     let coloring = match (keys.channel, keys.colors.as_deref()) {
         (None, None) => by_preset,
-        (None, Some(_)) if by_preset == Coloring::Own => return Err(needs("colors", "channel")),
+        (None, Some(_)) if by_preset == Coloring::Own => return Err(on.needs("colors", "channel")),
         (Some(ChannelName::None), _) => Coloring::Own,
         (Some(ChannelName::Color), _) => Coloring::Stored,
         (Some(ChannelName::Value), None) if by_preset != Coloring::Own => by_preset,
-        (Some(ChannelName::Value | ChannelName::Material), None) => return Err(needs("channel", "colors")),
+        (Some(ChannelName::Value | ChannelName::Material), None) => return Err(on.needs("channel", "colors")),
         (None | Some(ChannelName::Value), Some(given)) => Coloring::Values(colors(given)?),
         (Some(ChannelName::Material), Some(given)) => {
             let label = |(number, color): (f64, [f64; 3])| {
@@ -202,8 +196,7 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, Fault> {
     Ok((material, coloring))
 }
 
-fn material(name: &str, keys: &MaterialKeys) -> Result<Material, Fault> {
-    let on = Checked(Table::Material(name.to_owned()));
+fn material(on: &Checked, keys: &MaterialKeys) -> Result<Material, Fault> {
     let base = match keys.preset.as_deref() {
         None => Material::default(),
         Some(preset) => Material::preset(preset)

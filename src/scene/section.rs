@@ -211,9 +211,9 @@ impl Plane<'_> {
         place: &dyn Fn(f64) -> f64,
         counts: &mut Counts,
     ) {
-        let Some(span) = body.part.clip().span(line, [0.0, f64::INFINITY], None) else { return };
+        let Some(span) = body.part.clip.span(line, [0.0, f64::INFINITY], None) else { return };
         let mut put = |[from, to]: [f64; 2], label: u16| {
-            let color = body.part.label_color(label).unwrap_or(body.part.material().color);
+            let color = body.part.label_color(label).unwrap_or(body.part.material.color);
             let kind = samples.kind((number, label), color);
             let range = samples.range(row, [place(from.max(span.enter)), place(to.min(span.leave))]);
             samples.items[range].fill(kind);

@@ -159,14 +159,14 @@ impl LightingContext<'_> {
         met: SurfaceHit,
     ) -> ShadingPoint<'_> {
         let body = &self.world.bodies[number];
-        let (line, material) = (branch.line, body.part.material());
+        let (line, material) = (branch.line, &body.part.material);
         let length = dot(line.1, line.1).sqrt();
         let sight = line.1.map(|c| c / length);
         let (seen, label) = body.pixel(line, &met);
         let color = body.color(&self.shader, seen, label, || line);
         let (shown, mut normal, enters) = match met {
             SurfaceHit::Cut { plane, .. } => {
-                let normal = body.part.clip().planes()[plane].normal;
+                let normal = body.part.clip.planes()[plane].normal;
                 (normal, normal, true)
             }
             SurfaceHit::Surface(hit) => self.surface_normal(kept, branch, number, hit),
@@ -200,8 +200,8 @@ impl LightingContext<'_> {
         let length = dot(line.1, line.1).sqrt();
         let from_outside = |outward| dot(outward, line.1) <= BEYOND_RIM * length;
         let enters = !branch.media.has(number) && outward.is_none_or(from_outside);
-        let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
-        let shown = kept.around.get_mut(body.part.file()).map_or(outward.unwrap_or(line.1), |around| {
+        let smooth = body.part.material.mirror > 0.0 || body.part.material.is_clear();
+        let shown = kept.around.get_mut(body.part.file).map_or(outward.unwrap_or(line.1), |around| {
             // Mirrors and clear bodies are as smooth as their normals; the skin around adds nothing.
             let smooth = if smooth { body.smooth_outward(around, line, hit) } else { None };
             smooth.unwrap_or_else(|| {
@@ -284,7 +284,7 @@ impl LightingContext<'_> {
     /// on that body's index; a line that leaves the inner body stays in the outer one.
     fn index_ratio(&self, media: Media, spot: &ShadingPoint<'_>) -> f64 {
         let index = |body: Option<usize>| {
-            body.and_then(|body| self.world.bodies.get(body)).map_or(1.0, |body| body.part.material().index)
+            body.and_then(|body| self.world.bodies.get(body)).map_or(1.0, |body| body.part.material.index)
         };
         let (before, behind) = if spot.enters {
             (media.innermost(), media.entered(spot.number).innermost())

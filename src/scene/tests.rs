@@ -17,7 +17,7 @@ use crate::render::picture::Traversal;
 use crate::render::ray::Ray;
 use crate::render::walls::Hidden;
 use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint, single};
-use crate::volume::Voxels;
+use crate::volume::{VolumeSource, Voxels};
 use crate::{BuildOptions, Threshold};
 
 const ALL: [f64; 2] = [0.0, f64::INFINITY];
@@ -35,15 +35,17 @@ fn ball(radius: f64, spacing: f64, surface: SurfaceKind) -> Model {
     let mut affine = Affine::from_spacing([spacing; 3]);
     affine.rows.iter_mut().for_each(|row| row[3] = -middle * spacing);
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), depth).placed(affine);
-    let options = BuildOptions {
-        threshold: Threshold::Iso(0.0),
-        surface: Some(surface),
-        threads: 1,
-        ..BuildOptions::default()
-    };
+    built(&volume, BuildOptions { threshold: Threshold::Iso(0.0), ..options(surface) })
+}
+
+fn options(surface: SurfaceKind) -> BuildOptions {
+    BuildOptions { surface: Some(surface), threads: 1, ..BuildOptions::default() }
+}
+
+fn built(volume: &dyn VolumeSource, options: BuildOptions) -> Model {
     let folder = TempDir::new().unwrap();
-    let path = folder.path().join("ball.oct");
-    crate::build(&volume, &options, &path).unwrap();
+    let path = folder.path().join("model.oct");
+    crate::build(volume, &options, &path).unwrap();
     Model::open(&path).unwrap()
 }
 
@@ -136,17 +138,8 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
 fn details_right_next_to_the_start_of_a_line_stop_it() {
     let inside = |[x, _, z]: [u32; 3]| z < 6 || ((14..18).contains(&x) && z < 9);
     let volume = Voxels::from_fn(Dims::new(32, 32, 16).unwrap(), |p| u8::from(inside(p)));
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("ridge.oct");
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let options = BuildOptions {
-            threshold: Threshold::Iso(0.5),
-            surface: Some(surface),
-            threads: 1,
-            ..BuildOptions::default()
-        };
-        crate::build(&volume, &options, &path).unwrap();
-        let model = Model::open(&path).unwrap();
+        let model = built(&volume, BuildOptions { threshold: Threshold::Iso(0.5), ..options(surface) });
         let view = model.view();
         let part = part(&model, &view, &Affine::from_spacing([1.0, 2.0, 0.5]));
         let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
@@ -187,16 +180,8 @@ type Labels<'a> = (u32, &'a dyn Fn([u32; 3]) -> u16);
 /// A model of cells between the labels of a cube.
 fn labelled(side: u32, label: &dyn Fn([u32; 3]) -> u16) -> Model {
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), label);
-    let options = BuildOptions {
-        labels: Some(LabelChoice::All),
-        surface: Some(SurfaceKind::Cells),
-        threads: 1,
-        ..BuildOptions::default()
-    };
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("labels.oct");
-    crate::build(&volume, &options, &path).unwrap();
-    let model = Model::open(&path).unwrap();
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..options(SurfaceKind::Cells) };
+    let model = built(&volume, options);
     crate::load::verify(&model).unwrap();
     model
 }
@@ -240,7 +225,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         let part = part(&model, &view, &at_home).labelled(Some(opacity));
         let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
         let none = Hidden::of(std::iter::empty());
-        let space = part.space();
+        let space = &part.space;
         let sample = |p: [i64; 3]| {
             let within = p.iter().all(|c| (0..i64::from(side)).contains(c));
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within")]

@@ -26,10 +26,9 @@ impl Body<'_> {
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
             let line = (at, direction);
             let (ray, _) = self.ray(line, 0.0, None)?;
-            let hit = single::trace(self.form, self.part.view(), &Skin, &ray, 0).hit?;
-            let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;
+            let hit = single::trace(self.form, self.part.view, &Skin, &ray, 0).hit?;
             // A hit at an edge is inconclusive; the next line decides.
-            let [before, behind] = self.part.beside(&walls, line, &hit);
+            let [before, behind] = self.part.sides(line, &hit)?;
             if before == behind {
                 return Some((hit, behind));
             }
@@ -42,15 +41,14 @@ impl Body<'_> {
         let (mut runs, mut now): (Vec<([f64; 2], u16)>, _) = (Vec::new(), (0.0, 0));
         let first = || {
             let (ray, before) = self.ray(line, 0.0, None)?;
-            let cells = Cells::new(self.part.view().cells()?).hiding(self.part.hidden()?, 0);
-            let hit = single::trace(self.form, self.part.view(), &cells, &ray, 0).hit?;
+            let cells = Cells::new(self.part.view.cells()?).hiding(self.part.hidden()?, 0);
+            let hit = single::trace(self.form, self.part.view, &cells, &ray, 0).hit?;
             Some(Hit { t: before + hit.t, ..hit })
         };
         let mut met = first();
         while let Some(hit) = met {
-            let walls = hit.voxel(self.part.view()).and_then(|cell| self.part.view().walls(cell));
-            let (Some(walls), Some(hidden)) = (walls, self.part.hidden()) else { break };
-            let [_, behind] = self.part.beside(&walls, line, &hit);
+            let sides = self.part.sides(line, &hit);
+            let (Some([_, behind]), Some(hidden)) = (sides, self.part.hidden()) else { break };
             if now.1 > 0 {
                 runs.push(([now.0, hit.t], now.1));
             }
@@ -63,20 +61,16 @@ impl Body<'_> {
     /// The next wall behind a wall met at t = 0, ignoring slivers: planes of neighbouring cells are a little apart, and
     /// of two planes crossed at once the last one counts.
     pub(super) fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
-        let sides = |hit: &Hit| {
-            let walls = self.part.view().walls(hit.voxel(self.part.view())?)?;
-            Some(self.part.beside(&walls, line, hit))
-        };
         let mut met = self.beyond(line, &Hit { t: 0.0, ..*wall })?;
         loop {
-            let [before, behind] = sides(&met)?;
+            let [before, behind] = self.part.sides(line, &met)?;
             if before == behind {
                 met = self.beyond(line, &met)?;
                 continue;
             }
             let next = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER);
             match next {
-                Some(next) if sides(&next)?[1] == before => met = self.beyond(line, &next)?,
+                Some(next) if self.part.sides(line, &next)?[1] == before => met = self.beyond(line, &next)?,
                 _ => return Some(met),
             }
         }
@@ -85,12 +79,12 @@ impl Body<'_> {
     /// The next change of label behind a wall.
     pub(super) fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let (part, hidden) = (self.part, self.part.hidden()?);
-        let walls = part.view().walls(wall.voxel(part.view())?)?;
+        let walls = part.view.walls(wall.voxel(part.view)?)?;
         let [_, behind] = part.beside(&walls, line, wall);
         let mut label = hidden.seen(behind);
         // Within the cell, in its own coordinates.
-        let u = cell_coordinates(part.space(), wall.cell, add_scaled(line.0, wall.t, line.1));
-        let way = part.space().world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
+        let u = cell_coordinates(&part.space, wall.cell, add_scaled(line.0, wall.t, line.1));
+        let way = part.space.world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
         let end = (0..3).filter(|a| way[*a] != 0.0).map(|a| (way[a].signum() - u[a]) / way[a]);
         let end = end.fold(f64::INFINITY, f64::min);
         let mut crossings = walls.crossings(u, way);
@@ -104,8 +98,8 @@ impl Body<'_> {
             label = here;
         }
         let (ray, before) = self.ray(line, wall.t, Some(wall))?;
-        let cells = Cells::new(part.view().cells()?).hiding(hidden, label);
-        let hit = single::trace(self.form, part.view(), &cells, &ray, 0).hit?;
+        let cells = Cells::new(part.view.cells()?).hiding(hidden, label);
+        let hit = single::trace(self.form, part.view, &cells, &ray, 0).hit?;
         Some(Hit { t: before + hit.t, ..hit })
     }
 }

@@ -63,7 +63,7 @@ impl<'a> World<'a> {
 
     /// True if a line is stopped by a body that is not clear.
     pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
-        let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear());
+        let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material.is_clear());
         solids.any(|(number, body)| body.meet(RayKind::Light, line, limits, start_on(from, number)).is_some())
     }
 
@@ -71,7 +71,7 @@ impl<'a> World<'a> {
     pub(super) fn count_stopped(&self, lot: &mut RayBatch, limits: [f64; 2], from: &From) -> usize {
         let all = lot.lines.len();
         for (number, body) in self.bodies.iter().enumerate() {
-            if body.part.material().is_clear() {
+            if body.part.material.is_clear() {
                 continue;
             }
             let start = start_on(from, number);
@@ -108,7 +108,7 @@ impl<'a> World<'a> {
         }
         let mut light = [1.0; 3];
         for (number, body) in self.bodies.iter().enumerate() {
-            let material = body.part.material();
+            let material = &body.part.material;
             if !material.is_clear() {
                 continue;
             }

@@ -29,7 +29,7 @@ pub use nearest::nearest;
 pub use number::Count;
 pub(crate) use number::{Rounded, Short, WithError, mark, size_title};
 pub(crate) use sanitize::html;
-pub use sanitize::{Foreign, Shown, call, data, json, plain, shown};
+pub use sanitize::{Shown, call, data, json, plain, shown};
 pub(crate) use system::{reading, writing};
 
 /// An optional value that is given as text.

@@ -7,10 +7,7 @@ const DIGITS: i32 = 6;
 
 /// A number shown with at most six digits; whole numbers below 10^15 are shown in full.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Short(
-    /// The number.
-    pub f64,
-);
+pub(crate) struct Short(pub f64);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -24,10 +21,7 @@ impl fmt::Display for Short {
 
 /// A measured number, shown with four digits, and with all digits before the point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rounded(
-    /// The number.
-    pub f64,
-);
+pub(crate) struct Rounded(pub f64);
 
 impl fmt::Display for Rounded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -43,9 +37,7 @@ impl fmt::Display for Rounded {
 /// A number and its error, rounded to the same place: the error to two digits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WithError {
-    /// The number.
     pub value: f64,
-    /// Error to either side.
     pub error: f64,
 }
 
@@ -174,16 +166,14 @@ mod tests {
         assert_eq!(both(14_137.166, 1234.5), "14100 ± 1200");
         assert_eq!(both(0.012_346, 0.000_67), "0.01235 ± 0.00067");
         assert_eq!(both(5.0, 0.0), "5");
-        let counts = [
-            Count(0, "pore"),
-            Count(1, "label"),
-            Count(2, "larger leaf"),
-            Count(1, "body"),
-            Count(3, "body"),
-        ];
-        assert_eq!(
-            counts.map(|count| count.to_string()),
-            ["0 pores", "1 label", "2 larger leaves", "1 body", "3 bodies"]
-        );
+        for (count, noun, text) in [
+            (0, "pore", "0 pores"),
+            (1, "label", "1 label"),
+            (2, "larger leaf", "2 larger leaves"),
+            (1, "body", "1 body"),
+            (3, "body", "3 bodies"),
+        ] {
+            assert_eq!(Count(count, noun).to_string(), text);
+        }
     }
 }

@@ -24,42 +24,6 @@ fn is_active(c: char) -> bool {
         || matches!(c, '\u{061c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Types that can hold foreign text.
-pub trait Foreign {
-    /// The text; invalid bytes are replaced.
-    fn text(&self) -> Cow<'_, str>;
-}
-
-impl Foreign for str {
-    fn text(&self) -> Cow<'_, str> {
-        self.into()
-    }
-}
-
-impl Foreign for String {
-    fn text(&self) -> Cow<'_, str> {
-        self.as_str().into()
-    }
-}
-
-impl Foreign for OsStr {
-    fn text(&self) -> Cow<'_, str> {
-        self.to_string_lossy()
-    }
-}
-
-impl Foreign for Path {
-    fn text(&self) -> Cow<'_, str> {
-        self.as_os_str().to_string_lossy()
-    }
-}
-
-impl Foreign for std::path::PathBuf {
-    fn text(&self) -> Cow<'_, str> {
-        self.as_os_str().to_string_lossy()
-    }
-}
-
 /// A file that sentences name differently.
 static RENAMED: OnceLock<(PathBuf, &str)> = OnceLock::new();
 
@@ -70,16 +34,17 @@ pub fn call(path: PathBuf, name: &'static str) {
 }
 
 /// Foreign text on one line, fit for people: see [`shown`].
-pub struct Shown<'a, T: Foreign + ?Sized>(&'a T);
+pub struct Shown<'a>(&'a OsStr);
 
-/// Foreign text for printing: nothing in it acts, and it ends no line.
-pub fn shown<T: Foreign + ?Sized>(text: &T) -> Shown<'_, T> {
-    Shown(text)
+/// Foreign text for printing, such as a string or a path: nothing in it acts, and it ends no line. Bytes that are not
+/// text are replaced.
+pub fn shown<T: AsRef<OsStr> + ?Sized>(text: &T) -> Shown<'_> {
+    Shown(text.as_ref())
 }
 
-impl<T: Foreign + ?Sized> Display for Shown<'_, T> {
+impl Display for Shown<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let text = self.0.text();
+        let text = self.0.to_string_lossy();
         match RENAMED.get() {
             Some((path, name)) if path.as_os_str() == OsStr::new(&*text) => name.fmt(f),
             _ => plain(&text, false).fmt(f),

@@ -1,6 +1,6 @@
 //! Cures for refusals of the operating system.
 
-use std::fmt;
+use std::borrow::Cow;
 use std::io;
 
 use crate::atomic::TargetFault;
@@ -8,36 +8,15 @@ use crate::platform::{is_not_regular, is_open_elsewhere, is_too_many_open};
 use crate::text::names::BUILD_INPUT;
 
 /// The cure for a file that cannot be read; `usual` if the reason suggests no other.
-pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
+pub(crate) fn reading(cause: &io::Error, usual: &'static str) -> Cow<'static, str> {
     if is_too_many_open(cause) {
-        Cure::RaiseLimit
+        RAISE_LIMIT.into()
     } else if is_open_elsewhere(cause) {
-        Cure::CloseIt
+        CLOSE_IT.into()
     } else if is_not_regular(cause) {
-        Cure::NameFile
+        format!("name a file; a folder of slices becomes a model with `{BUILD_INPUT}`").into()
     } else {
-        Cure::Usual(usual)
-    }
-}
-
-/// The end of a sentence about a file that cannot be read.
-pub(crate) enum Cure<T> {
-    RaiseLimit,
-    CloseIt,
-    NameFile,
-    Usual(T),
-}
-
-impl<T: fmt::Display> fmt::Display for Cure<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::RaiseLimit => f.write_str(RAISE_LIMIT),
-            Self::CloseIt => f.write_str(CLOSE_IT),
-            Self::NameFile => {
-                write!(f, "name a file; a folder of slices becomes a model with `{BUILD_INPUT}`")
-            }
-            Self::Usual(cure) => cure.fmt(f),
-        }
+        usual.into()
     }
 }
 
@@ -83,8 +62,8 @@ mod tests {
         use super::*;
         use crate::platform::Errno;
         let of = |errno: Errno| io::Error::from_raw_os_error(errno.raw_os_error());
-        assert!(reading(&of(Errno::MFILE), "as usual").to_string().contains("ulimit"));
-        assert_eq!(reading(&of(Errno::NOENT), "as usual").to_string(), "as usual");
+        assert!(reading(&of(Errno::MFILE), "as usual").contains("ulimit"));
+        assert_eq!(reading(&of(Errno::NOENT), "as usual"), "as usual");
         for (errno, word) in [
             (Errno::NOENT, "does not exist"),
             (Errno::ACCESS, "may not write"),

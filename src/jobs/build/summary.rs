@@ -66,44 +66,30 @@ impl BuildSummary {
             Bytes(self.memory_bytes),
         );
         if !self.each.is_empty() {
-            let bytes = self.each.iter().map(|model| model.bytes).sum();
-            text.push_str(&format!(
-                "  a model of each label: {}, {} together\n",
-                self.each.len(),
-                Bytes(bytes)
-            ));
+            let bytes = Bytes(self.each.iter().map(|model| model.bytes).sum());
+            text += &format!("  a model of each label: {}, {bytes} together\n", self.each.len());
         }
         if let Some(hidden) = r.hidden {
-            text.push_str(&format!(
-                "  left out: {} that cannot be seen from there, about {}\n",
-                Count(hidden, kept),
-                Bytes(r.bytes_saved_about())
-            ));
+            let (boxes, bytes) = (Count(hidden, kept), Bytes(r.bytes_saved_about()));
+            text += &format!("  left out: {boxes} that cannot be seen from there, about {bytes}\n");
         }
         if let Some((operations, report)) = &self.cleaning {
-            text.push_str(&format!("  cleaned: {}", operations.join(", ")));
+            text += &format!("  cleaned: {}", operations.join(", "));
             if let Some(r) = report {
-                text.push_str(&format!(
-                    "; {} added, {} removed",
-                    Count(r.voxels_added, "voxel"),
-                    r.voxels_removed
-                ));
+                let added = Count(r.voxels_added, "voxel");
+                text += &format!("; {added} added, {} removed", r.voxels_removed);
                 if r.components > 0 {
-                    text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
+                    text += &format!(", {} of {} components kept", r.kept, r.components);
                 }
                 if r.largest_dropped > 0 {
                     let voxels = Count(r.largest_dropped, "voxel");
-                    text.push_str(&format!(", the largest of the others with {voxels}"));
+                    text += &format!(", the largest of the others with {voxels}");
                 }
             }
-            text.push('\n');
+            text += "\n";
         }
-        for warning in &self.warnings {
-            text.push_str(&format!("  note: {warning}\n"));
-        }
-        for hint in &self.hints {
-            text.push_str(&format!("  hint: {hint}\n"));
-        }
+        text.extend(self.warnings.iter().map(|warning| format!("  note: {warning}\n")));
+        text.extend(self.hints.iter().map(|hint| format!("  hint: {hint}\n")));
         text
     }
 }

@@ -7,7 +7,7 @@
 //! lie within the error. Thin labels keep the steps of their voxels in meshes, which have up to 1.6 times the area
 //! then.
 
-use super::{Bend, Bends, Bounds, Weights, are_uneven, bounds};
+use super::{Bend, Bends, Weights, are_uneven, bounds};
 use crate::format::{Label, Walls};
 use crate::geom::{Affine, Dims, cross, dot};
 use crate::interior::SkinSlices;
@@ -37,7 +37,7 @@ pub(in crate::jobs) fn measure_labels(
     progress: &dyn Progress,
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let Bounds { voxels, box_mm: cells_mm } = bounds(view, &space)?;
+    let (voxels, cells_mm) = bounds(view, &space)?;
     let mut box_mm = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     let weights = Weights::new(affine, &space, true);
     let mut slices = SkinSlices::new(view, voxels);

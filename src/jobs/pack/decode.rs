@@ -24,15 +24,16 @@ use super::encode::finish_frame;
 use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
 use super::stored::{LevelWriters, Stored};
-use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
+use super::stream::{Normals, Shape, Subtrees, Writer, codec_of, crc_of};
 
 /// Most voxels of eight bytes of a payload (SPEC 5.1).
 const BLOCK_VOXELS: u64 = 1 << 17;
 /// The walk that makes coarse means keeps its path in memory of its own.
 const MEANS_STACK_BYTES: usize = 256 << 10;
 
-/// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
-pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
+/// Unpacks bytes that can be read by position into an empty file, and returns the frame of what was written; its
+/// checksums are verified.
+pub(crate) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
     let packed = Frame::read(source)?;
     if packed.header.encoding == Encoding::Mapped {
         return Err(FormatError::Said("is not packed; there is nothing to unpack".into()).into());
@@ -170,9 +171,7 @@ fn decode_section<R: ReadAt + ?Sized>(
     }
     match entry.codec {
         CODEC_NONE => {
-            while stored.0.left() > 0 {
-                writer.write(stored.0.next_part()?).map_err(Stop::Output)?;
-            }
+            writer.copy(&mut stored.0)?;
             writer.flush().map_err(Stop::Output)?;
         }
         CODEC_PLANES => stored.planes(entry.item_bytes, &mut writer)?,
@@ -273,22 +272,15 @@ fn directions<R: ReadAt + ?Sized>(
 ) -> Result<(), Stop> {
     let kind = SectionKind::Voxels(Channel::Normal);
     let mut bytes = Vec::new();
-    voxels::<DirectionCoder, R>(
-        stored,
-        mapped,
-        writer,
-        out,
-        kind,
-        |_| Ok(()),
-        |group, writer| {
-            // In parts, so as not to hold them twice.
-            group.normals.chunks(1 << 12).try_for_each(|part| {
-                bytes.clear();
-                bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
-                writer.write(&bytes)
-            })
-        },
-    )
+    let read = |_: &mut Group| Ok(());
+    voxels::<DirectionCoder, R>(stored, mapped, writer, out, kind, read, |group, writer| {
+        // In parts, so as not to hold them twice.
+        group.normals.chunks(1 << 12).try_for_each(|part| {
+            bytes.clear();
+            bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
+            writer.write(&bytes)
+        })
+    })
 }
 
 fn distances<R: ReadAt + ?Sized>(
@@ -324,12 +316,7 @@ pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
         result = result.and_then(|()| supers.write(&due_supers)).and_then(|()| blocks.write(&due_blocks));
     }
     result.and_then(|()| supers.flush()).and_then(|()| blocks.flush()).map_err(Stop::Output)?;
-    let mut directory = Cursor::new(out, target.offset, target.end(), planes::BLOCK_BYTES);
-    let mut crc = 0;
-    while directory.left() > 0 {
-        crc = crc32c::crc32c_append(crc, directory.next_part()?);
-    }
-    Ok(crc)
+    crc_of(out, target)
 }
 
 /// Writes the coarse means of the voxels in `source` to their place in `out` (SPEC 5.4).

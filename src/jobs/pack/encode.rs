@@ -51,7 +51,7 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
             CODEC_DISTANCES => distances(source, &frame, &content, &mut writer)?,
             CODEC_PLANES => plane_blocks(source, content.offset, &content, &mut writer)?,
             CODEC_DERIVED => {}
-            _ => copy(source, &content, &mut writer)?,
+            _ => writer.copy(&mut Cursor::new(source, content.offset, content.end(), planes::BLOCK_BYTES))?,
         }
         entry.offset = offset;
         entry.stored_bytes = writer.position() - offset;
@@ -71,14 +71,6 @@ pub(super) fn finish_frame(frame: &mut Frame, out: &File) -> Result<(), Stop> {
     frame.header.table_crc = crc32c::crc32c(&table);
     out.write_all_at(&frame.header.to_bytes(), 0).map_err(Stop::Output)?;
     out.write_all_at(&table, HEADER_BYTES as u64).map_err(Stop::Output)
-}
-
-fn copy<R: ReadAt + ?Sized>(source: &R, entry: &SectionEntry, writer: &mut Writer) -> Result<(), Stop> {
-    let mut cursor = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
-    while cursor.left() > 0 {
-        writer.write(cursor.next_part()?).map_err(Stop::Output)?;
-    }
-    Ok(())
 }
 
 /// The content from `start` to the section's end, in blocks (SPEC 5.3).
@@ -104,10 +96,8 @@ fn plane_blocks<R: ReadAt + ?Sized>(
 }
 
 fn length(len: usize) -> Result<u32, CodingError> {
-    u32::try_from(len)
-        .ok()
-        .filter(|len| *len <= GROUP_BYTES_LIMIT)
-        .ok_or(CodingError("a packed group passes its limit (SPEC 5.2)"))
+    let stored = u32::try_from(len).ok().filter(|len| *len <= GROUP_BYTES_LIMIT);
+    stored.ok_or(CodingError("a packed group passes its limit (SPEC 5.2)"))
 }
 
 /// One group after the other (SPEC 5.2); `read` adds the codec's items to its subtrees.

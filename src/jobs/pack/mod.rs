@@ -10,6 +10,7 @@ mod stored;
 mod stream;
 mod strip;
 
+pub(crate) use decode::unpack_file;
 pub(crate) use split::split;
 pub use strip::{StripRequest, strip};
 
@@ -122,7 +123,7 @@ pub fn unpack(input: &Path, output: &Path) -> Result<PackReport, Error> {
 /// # Errors
 /// As [`pack_with`].
 pub fn unpack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Result<PackReport, Error> {
-    convert(input, output, progress, |source, out| Ok(decode::unpack_file(source, out)?))
+    convert(input, output, progress, |source, out| Ok(unpack_file(source, out)?))
 }
 
 /// A file that cannot be read any more once the job is stopped, which ends all readers.
@@ -140,11 +141,6 @@ impl ReadAt for Stoppable<'_> {
         self.progress.check().map_err(io::Error::other)?;
         self.file.read_exact_at(out, offset)
     }
-}
-
-/// Unpacks bytes that can be read by position into an empty file; returns the frame of the result.
-pub(crate) fn unpack_to<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
-    decode::unpack_file(source, out)
 }
 
 fn convert(
@@ -199,16 +195,14 @@ mod tests {
     use crate::format::normal;
 
     /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
-    fn sheet(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
-        let mut voxels = Vec::new();
-        for y in 0..dims[1] {
-            for x in 0..dims[0] {
-                let z = (x * x / 7 + y * 3 + (x * y) % 5) % dims[2];
-                #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small")]
-                let (normal, value) = (normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]), (x * y) as u8);
-                voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: value.into() });
-            }
-        }
+    pub(super) fn sheet(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
+        let places = (0..dims[1]).flat_map(|y| (0..dims[0]).map(move |x| [x, y]));
+        let voxel = |[x, y]: [u32; 2]| AssembledVoxel {
+            cell: [x, y, (x * x / 7 + y * 3 + (x * y) % 5) % dims[2]],
+            normal: normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]),
+            value: u16::try_from(x * y % 200).unwrap_or(0),
+        };
+        let voxels: Vec<_> = places.map(voxel).collect();
         assemble(&plain_metadata(dims, channels), &voxels, channels)
     }
 

@@ -5,15 +5,16 @@ use std::io;
 
 use crate::format::packed::CODEC_DISTANCES;
 use crate::format::packed::group::Group;
-use crate::format::{Channel, FormatError, SectionKind, SurfaceKind, cell, damaged};
+use crate::format::{Channel, FormatError, SectionEntry, SectionKind, SurfaceKind, cell, damaged};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 use crate::platform::FileExt;
 
+use super::Stop;
 use super::follow::Follow;
 
 /// Bytes of a writer's or a cursor's buffer.
-const BUFFER_BYTES: usize = 64 << 10;
+pub(super) const BUFFER_BYTES: usize = 64 << 10;
 /// Bytes of the buffer of a cursor over one depth.
 const LEVEL_BUFFER_BYTES: usize = 16 << 10;
 
@@ -52,12 +53,20 @@ impl<'a> Writer<'a> {
 
     /// Appends bytes.
     pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if self.end.saturating_sub(self.position()) < bytes.len() as u64 {
+        if self.room() < bytes.len() as u64 {
             return Err(io::Error::other("more content than its place has room for"));
         }
         self.crc = crc32c::crc32c_append(self.crc, bytes);
         self.buffer.extend_from_slice(bytes);
         if self.buffer.len() >= BUFFER_BYTES { self.flush() } else { Ok(()) }
+    }
+
+    /// Appends the rest of what a cursor reads.
+    pub(super) fn copy<R: ReadAt + ?Sized>(&mut self, from: &mut Cursor<'_, R>) -> Result<(), Stop> {
+        while from.left() > 0 {
+            self.write(from.next_part()?).map_err(Stop::Output)?;
+        }
+        Ok(())
     }
 
     /// True if the writer has reached its end.
@@ -180,6 +189,16 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
 pub(super) fn codec_of(frame: &Frame, kind: SectionKind) -> u8 {
     let is_of_cells = frame.header.surface == SurfaceKind::Cells;
     if is_of_cells && kind == SectionKind::Voxels(Channel::Offset) { CODEC_DISTANCES } else { kind.codec() }
+}
+
+/// CRC of a section's bytes in a mapped file.
+pub(super) fn crc_of(file: &File, entry: &SectionEntry) -> Result<u32, Stop> {
+    let mut bytes = Cursor::new(file, entry.offset, entry.end(), BUFFER_BYTES);
+    let mut crc = 0;
+    while bytes.left() > 0 {
+        crc = crc32c::crc32c_append(crc, bytes.next_part()?);
+    }
+    Ok(crc)
 }
 
 /// Reads the normals of a mapped file from front to back.

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use super::Stop;
 use super::encode::finish_frame;
-use super::stream::Writer;
-use super::{PackReport, convert, decode};
+use super::stream::{BUFFER_BYTES, Writer, crc_of};
+use super::{PackReport, convert, decode, unpack_file};
 use crate::error::Error;
 use crate::fault::{self, conversions, usage};
 use crate::format::{Channel, Channels, Encoding, SectionEntry, SectionKind, SurfaceKind, damaged};
@@ -20,9 +20,6 @@ use crate::jobs::open_model::scratch_beside;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
 use crate::progress::Silent;
 use crate::text::names::{CHANNELS, INFO, LEVELS, LOD};
-
-/// Bytes of a cursor's buffer.
-const BUFFER_BYTES: usize = 64 << 10;
 
 /// Parts to be left out of a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,7 +44,7 @@ pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<Pack
             return strip_file(source, out, request);
         }
         let mapped = scratch_beside(output).map_err(Stop::Output)?;
-        decode::unpack_file(source, &mapped)?;
+        unpack_file(source, &mapped)?;
         strip_file(&mapped, out, request)
     })
 }
@@ -111,11 +108,7 @@ pub(super) fn complete(left: &mut Frame, out: &File) -> Result<(), Stop> {
     }
     out.set_len(left.header.file_bytes).map_err(Stop::Output)?;
     for entry in &mut left.sections {
-        let mut cursor = Cursor::new(out, entry.offset, entry.end(), BUFFER_BYTES);
-        let mut crc = 0;
-        while cursor.left() > 0 {
-            crc = crc32c::crc32c_append(crc, cursor.next_part()?);
-        }
+        let crc = crc_of(out, entry)?;
         (entry.stored_crc, entry.content_crc) = (crc, crc);
     }
     finish_frame(left, out)
@@ -200,9 +193,7 @@ fn copy<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, entry: &Secti
     let Some(from) = entry.kind.and_then(|kind| frame.section(kind)) else { return Ok(()) };
     let mut cursor = Cursor::new(source, from.offset, from.offset + entry.stored_bytes, BUFFER_BYTES);
     let mut writer = Writer::new(out, entry.offset, entry.end());
-    while cursor.left() > 0 {
-        writer.write(cursor.next_part()?).map_err(Stop::Output)?;
-    }
+    writer.copy(&mut cursor)?;
     writer.flush().map_err(Stop::Output)
 }
 
@@ -235,20 +226,9 @@ fn coarsen<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, left: &Fra
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
-    use crate::format::normal;
+    use crate::assembled::OptionalSections;
+    use crate::jobs::pack::tests::sheet;
     use crate::load::Model;
-
-    /// A bumpy sheet.
-    fn voxels(dims: [u32; 3]) -> Vec<AssembledVoxel> {
-        let places = (0..dims[1]).flat_map(|y| (0..dims[0]).map(move |x| [x, y]));
-        let voxel = |[x, y]: [u32; 2]| AssembledVoxel {
-            cell: [x, y, (x * x / 7 + y * 3 + (x * y) % 5) % dims[2]],
-            normal: normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]),
-            value: u16::try_from(x * y % 200).unwrap_or(0),
-        };
-        places.map(voxel).collect()
-    }
 
     fn stripped(file: &[u8], request: StripRequest) -> Result<Vec<u8>, fault::Fault> {
         let out = tempfile::tempfile().unwrap();
@@ -267,7 +247,7 @@ mod tests {
     #[test]
     fn what_is_left_is_the_model_that_would_have_been_built_so() {
         for dims in [[3, 5, 4], [40, 33, 20], [65, 3, 9], [150, 140, 40]] {
-            let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL);
+            let file = sheet(dims, ALL);
             for (channels, lod) in [
                 (Channels::NONE, true),
                 (Channels::from([Channel::Normal]), true),
@@ -279,7 +259,7 @@ mod tests {
                     value_bytes: if channels.contains(Channel::Value) { 2 } else { 0 },
                     lod,
                 };
-                let built = assemble(&plain_metadata(dims, how), &voxels(dims), how);
+                let built = sheet(dims, how);
                 let request = StripRequest { channels: Some(channels), levels: 0, lod };
                 assert_eq!(stripped(&file, request), Ok(built), "{dims:?} {channels:?} {lod}");
             }
@@ -291,7 +271,7 @@ mod tests {
     #[test]
     fn fine_levels_become_means_that_verify() {
         let dims = [150, 140, 40];
-        let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL);
+        let file = sheet(dims, ALL);
         let whole = Model::from_bytes(file.clone()).unwrap();
         for levels in 1..8 {
             let request = StripRequest { channels: None, levels, lod: true };

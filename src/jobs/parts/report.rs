@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Plan, Stage};
+use super::Plan;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::parts::Joined;
 use crate::format::SurfaceKind;
@@ -80,7 +80,7 @@ pub struct PartReport {
     /// Skin voxels or cells of the part; null if it was there before, and for a stage.
     pub part_voxels: Option<u64>,
     #[serde(skip)]
-    surface: SurfaceKind,
+    pub(super) surface: SurfaceKind,
     /// Size of the file that was written or read.
     pub bytes: u64,
     /// Peak resident memory of the process.
@@ -103,14 +103,6 @@ impl PartReport {
             peak_rss_bytes: peak_rss_bytes(),
             wall_s: started.elapsed().as_secs_f64(),
         }
-    }
-
-    pub(super) fn with_voxels(self, part_voxels: Option<u64>, surface: SurfaceKind) -> Self {
-        Self { part_voxels, surface, was_there: part_voxels.is_none(), ..self }
-    }
-
-    pub(super) fn with_stage(self, stage: Stage, was_there: bool) -> Self {
-        Self { stage: Some(stage.name()), was_there, ..self }
     }
 
     /// Report for people.

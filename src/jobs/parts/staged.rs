@@ -269,7 +269,8 @@ pub fn part_stage(
             stage::write(&found, stage, &id, folder, false)?;
         }
     }
-    Ok(PartReport::new(plan, number, &path, started).with_stage(stage, was_there))
+    let report = PartReport::new(plan, number, &path, started);
+    Ok(PartReport { stage: Some(stage.name()), was_there, ..report })
 }
 
 /// Merges the results of a stage in all parts.

@@ -140,17 +140,12 @@ impl ParallelFrame {
         let start = PixelAffine::of(pencil.origin, in_frame);
         let farthest = FARTHEST.max(2.0 * side) * unit;
         let (width, height) = (f64::from(width), f64::from(height));
-        let mut starts_within = false;
-        for (x, y) in [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)] {
-            let (floor, start) = (floor.at(x, y), start.at(x, y));
-            starts_within |= start[2] > 0.0;
-            if floor.iter().any(|c| c.abs() > farthest) {
-                return None;
-            }
-        }
-        let near = |(x, y): (f64, f64)| start.at(x, y).iter().all(|c| c.abs() <= farthest);
-        if starts_within && ![(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)].into_iter().all(near)
-        {
+        let corners = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)];
+        let starts = corners.map(|(x, y)| start.at(x, y));
+        let starts_within = starts.iter().any(|start| start[2] > 0.0);
+        let floors_far = corners.iter().any(|(x, y)| floor.at(*x, *y).iter().any(|c| c.abs() > farthest));
+        let starts_near = starts.iter().flatten().all(|c| c.abs() <= farthest);
+        if floors_far || starts_within && !starts_near {
             return None;
         }
         Some(Self { line, rise, floor, start: starts_within.then_some(start) })
