@@ -5,6 +5,7 @@ use crate::interior::extent;
 use crate::jobs::info::has_values;
 use crate::load::Model;
 use crate::measure::nearest::{Found, OctreeBox, Query, Search, Surface};
+use crate::measure::places::PlaceOut;
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
 /// Area below which a plane meets its cell in a corner or an edge only, as a part of the finest spacing's square.
@@ -52,6 +53,11 @@ impl Row {
     /// Half the 95 % interval of the value, in mm.
     pub(super) fn u95_mm(&self) -> Option<f64> {
         self.squares.map(|[noise, model]| SURE * (noise + model).sqrt())
+    }
+
+    /// The cell as a place that stands out by a value.
+    pub(super) fn place(&self, value: f64) -> PlaceOut {
+        PlaceOut::of_cell(self.number, value, self.at_mm, self.area_mm2)
     }
 
     /// What is kept of it: the deviation and half its 95 % interval, and without a counterpart the distance of the nearest
