@@ -52,6 +52,8 @@ struct Component {
 pub(crate) struct ComponentSides {
     parents: Vec<u32>,
     sides: Vec<Option<Side>>,
+    /// Undecided voxels.
+    pub(crate) unknown: u64,
 }
 
 impl ComponentSides {
@@ -287,14 +289,11 @@ impl Sweep {
 
     /// The counts after the last slice; and the fates, if they were kept.
     pub(crate) fn finish(mut self) -> (Enclosed, ComponentSides) {
-        for (at, component) in self.components.iter().enumerate() {
-            if component.parent as usize == at {
-                self.found.add(component, &mut self.history);
-            }
-        }
+        self.settle(&mut Slice::default());
         match self.history {
             History::Kept(mut fates) => {
                 fates.flatten();
+                fates.unknown = self.found.unknown;
                 (self.found, fates)
             }
             _ => (self.found, ComponentSides::default()),

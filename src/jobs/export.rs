@@ -180,26 +180,21 @@ pub fn export(
     }
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
-    if request.form.is_page() {
+    if form.is_page() {
         return export_page(input, output, request, progress);
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
-    if (request.form.has_triangles() || request.form.is_mask()) && !model.frame().labels.is_empty() {
+    if (form.has_triangles() || form.is_mask()) && !model.frame().labels.is_empty() {
         return labels::export_labels(input, output, &model, request, progress);
     }
     if request.smooth.is_some() {
         return Err(one_surface(input).into());
     }
     let out = AtomicFile::create(output).map_err(unwritable)?;
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let view = model.view();
-    let give_back = || model.give_back();
-    let exporter = exporter_of(&model, &view, &space, request, &give_back);
-    let made = exporter
-        .write(request.form, out.file(), folder_of(output), progress)
-        .map_err(|stop| failed(stop, &model, input, output))?;
-    model.check_unchanged(input)?;
+    let made = exported(&model, [input, output], request, |exporter| {
+        exporter.write(form, out.file(), folder_of(output), progress)
+    })?;
     let bytes = commit(out, output, progress)?;
     Ok(report([input, output], request, &model, (made, bytes, Vec::new()), start))
 }
@@ -319,7 +314,25 @@ pub(super) fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     }
 }
 
-pub(super) fn exporter_of<'a, D: AsRef<[u8]>>(
+/// The result of `work` with an exporter of the model at `input`.
+///
+/// # Errors
+/// Errors of `work`, and a file that was changed meanwhile.
+pub(super) fn exported<T>(
+    model: &Model,
+    [input, output]: [&Path; 2],
+    request: ExportRequest<'_>,
+    work: impl FnOnce(&Exporter<'_>) -> Result<T, ExportStop>,
+) -> Result<T, Error> {
+    let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine())?);
+    let give_back = || model.give_back();
+    let made = work(&exporter_of(model, &view, &space, request, &give_back));
+    let made = made.map_err(|stop| failed(stop, model, input, output))?;
+    model.check_unchanged(input)?;
+    Ok(made)
+}
+
+fn exporter_of<'a, D: AsRef<[u8]>>(
     model: &'a Model<D>,
     view: &'a ModelView<'a>,
     space: &'a GridSpace,
@@ -331,7 +344,7 @@ pub(super) fn exporter_of<'a, D: AsRef<[u8]>>(
         dims: model.dims(),
         affine: model.affine(),
         space,
-        skin_only: request.skin_only,
+        skin_only: request.skin_only && request.form.is_mask(),
         error_mm: request.error.map(|error| error.mm(model.affine().spacing_mm())).filter(|mm| *mm > 0.0),
         triangles: request.triangles,
         give_back,

@@ -13,7 +13,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::cell_volume::CellVolume;
-use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
+use super::export::{ExportRequest, commit, exported, refuse_input, unknown_inside};
 use super::measure::wall_areas;
 use super::open_model::{open_model, refuse_larger_leaves, scratch_beside};
 use super::verify::verify_unless_packed;
@@ -26,7 +26,6 @@ use crate::geom::Affine;
 use crate::load::{Model, ModelView, NodeView};
 use crate::measure::nearest::Surface;
 use crate::progress::Progress;
-use crate::render::GridSpace;
 use crate::text::names::SURFACE;
 use crate::text::{Count, Rounded, Short, data, shown};
 
@@ -182,9 +181,6 @@ pub fn pores(
     let waiting = request.gap.then(scratch).transpose()?;
     let notes = request.gap.then(scratch).transpose()?;
     let rows = table.and(waiting.as_ref().or(out.as_ref().map(AtomicFile::file)));
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let give_back = || model.give_back();
-    let exporter = exporter_of(&model, &view, &space, ExportRequest::of(ExportForm::Nrrd), &give_back);
     let geometry = Geometry::of(&model.affine());
     let is_labelled = !model.frame().labels.is_empty();
     let begin = |frame| Found::begin(frame, request, is_labelled, [rows, notes.as_ref()]);
@@ -196,9 +192,9 @@ pub fn pores(
         }
         done.iter().try_for_each(|component| found.take(component, &geometry))
     };
-    let (mut found, unknown) = exporter
-        .regions(is_labelled, progress, &begin, &work)
-        .map_err(|stop| failed(stop, &model, input, table.unwrap_or(input)))?;
+    let (paths, form) = ([input, table.unwrap_or(input)], ExportRequest::of(ExportForm::Nrrd));
+    let (mut found, unknown) =
+        exported(&model, paths, form, |exporter| exporter.regions(is_labelled, progress, &begin, &work))?;
     let solid = found.components.solid;
     let rest = found.components.finish();
     rest.iter().try_for_each(|component| found.take(component, &geometry)).map_err(unwritable)?;
@@ -421,10 +417,8 @@ impl PoresReport {
     /// Report for people.
     pub fn text(&self) -> String {
         let mut text = self.head();
-        let columns = ["no.", "volume mm3", "diameter mm", "sphericity", "at x, y, z mm (LPS)"];
         if !self.largest.is_empty() {
-            let [no, volume, diameter, sphericity, at] = columns;
-            let _ = writeln!(text, "  {no:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {at}");
+            text += "     no.    volume mm3   diameter mm  sphericity  at x, y, z mm (LPS)\n";
         }
         for pore in self.largest.iter().take(SHOWN) {
             let [x, y, z] = pore.at_mm.map(|c| Short(c).to_string());

@@ -21,7 +21,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::boundary::Bounded;
-use super::mask::{Mask, MaskForm};
+use super::mask::Mask;
 use super::vertex_color::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter, Mesh};
@@ -96,24 +96,23 @@ impl Exporter<'_> {
         Ok(LabelMesh { parts, labels, part_of, made, normals: smooth > 0.0 })
     }
 
-    /// Writes the labels of all voxels that are among these, 0 for none, into an empty file.
+    /// Writes the labels of all voxels that are among these numbers, 0 for none, into an empty file.
     ///
     /// # Errors
     /// The model is damaged, the disk is full, or the format cannot hold so many voxels.
     pub(crate) fn label_map(
         &self,
-        labels: &[Label],
+        labels: &[u16],
         form: ExportForm,
-        out: File,
+        out: &File,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
         let mut shown = vec![0; NUMBERS];
-        labels.iter().for_each(|label| shown[usize::from(label.number)] = label.number);
-        let form = MaskForm::of(form).ok_or(ExportStop::Output(io::ErrorKind::Unsupported.into()))?;
+        labels.iter().for_each(|label| shown[usize::from(*label)] = *label);
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - 1);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
-        let mut mask = Mask::new(out, form, dims, &self.affine.starting_at([0.5; 3]), true)?;
+        let mut mask = Mask::new(out.try_clone()?, form, dims, &self.affine.starting_at([0.5; 3]), true)?;
         mask.empty_until(bounds[0][2])?;
         self.label_slices(bounds, progress, &mut |cells| {
             mask.label_slice(|y, row| {
@@ -213,11 +212,11 @@ impl LabelMesh {
     pub(crate) fn write(
         &self,
         form: ExportForm,
-        out: File,
+        out: &File,
         scratch: &Path,
         which: Range<usize>,
     ) -> Result<Exported, ExportStop> {
-        let heads = self.heads(which.clone())?;
+        let (out, heads) = (out.try_clone()?, self.heads(which.clone())?);
         let waiting = || scratch::unnamed(scratch);
         let sink: Box<dyn Output> = match form {
             ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), self.normals, true)?.with_labels()),
