@@ -6,6 +6,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use crate::export::bodies::root;
 use crate::geom::{add_scaled, cross, dot};
 
 /// How often pairs are exchanged, or corners moved.
@@ -31,17 +32,8 @@ impl UnionFind {
         Self((0..).take(count).collect())
     }
 
-    fn root(&mut self, mut number: u32) -> u32 {
-        while self.0[number as usize] != number {
-            let above = self.0[self.0[number as usize] as usize];
-            self.0[number as usize] = above;
-            number = above;
-        }
-        number
-    }
-
     fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
+        let [a, b] = [a, b].map(|number| root(&mut self.0, number));
         self.0[a.max(b) as usize] = a.min(b);
     }
 

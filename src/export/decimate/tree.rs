@@ -204,14 +204,12 @@ fn split(nodes: &mut Vec<Node>, triangles: &mut [[[f32; 3]; 3]], first: usize, m
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn distances_are_those_of_all_triangles() {
-        let mut state = 5_u32;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32 * 10.0
-        };
+        let mut random = Random(5);
+        let mut next = || random.below(1_u32 << 24) as f32 / (1 << 24) as f32 * 10.0;
         for count in [0, 1, 5, 300] {
             let triangles: Vec<[[f32; 3]; 3]> =
                 (0..count).map(|_| std::array::from_fn(|_| std::array::from_fn(|_| next()))).collect();

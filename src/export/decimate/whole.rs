@@ -363,8 +363,7 @@ impl Reducer<'_> {
             if self.progress.stopped() {
                 break;
             }
-            let (at, faces, olds) = (fine.at.clone(), fine.faces.clone(), fine.olds.clone());
-            let mut few = Surface { at, faces, olds };
+            let mut few = fine.clone();
             few.collapse(0, part * mm, &locks);
             if few.faces.len() == fine.faces.len() {
                 break;
