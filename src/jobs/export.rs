@@ -5,7 +5,7 @@ mod labels;
 pub(super) use labels::with_labels;
 pub use labels::{LabelSurface, export_each};
 
-use std::io::{self, BufWriter};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -257,6 +257,13 @@ fn report(
 ) -> ExportReport {
     let form = request.form;
     let is_far = form.has_coordinates() && is_far(&model.affine(), model.dims());
+    let mut warnings: Vec<String> = unknown_inside(made.unknown).into_iter().collect();
+    if is_far {
+        warnings.push(
+            "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel".into(),
+        );
+    }
+    warnings.extend(shortfalls(request, &made, surfaces.len()));
     ExportReport {
         input: data(input),
         output: data(output),
@@ -275,7 +282,7 @@ fn report(
         is_of_volume: has_values(model.metadata()),
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
-        warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made, surfaces.len())).collect(),
+        warnings,
         surfaces,
         is_far,
         apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| !form.is_page()),
@@ -358,15 +365,20 @@ fn folder_of(output: &Path) -> &Path {
 
 /// The error of a failed export.
 pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
-    match stop {
+    stopped(stop, [output; 2], || {
         // A full check names the fault.
-        ExportStop::Damaged => {
-            let changed = model.check_unchanged(input).map_err(Error::from);
-            changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
-        }
-        ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => usage!("{fault}").at(output).into(),
-            None => Error::Output { path: output.to_path_buf(), cause },
+        let changed = model.check_unchanged(input).map_err(Error::from);
+        changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
+    })
+}
+
+/// The error of an export that stopped: of what the format cannot hold at the first path, and of the disk at the second.
+fn stopped(stop: ExportStop, [path, output]: [&Path; 2], damage: impl FnOnce() -> Error) -> Error {
+    match stop {
+        ExportStop::Damaged => damage(),
+        ExportStop::Output(cause) => match cause.downcast::<ExportFault>() {
+            Ok(fault) => usage!("{fault}").at(path).into(),
+            Err(cause) => Error::Output { path: output.to_path_buf(), cause },
         },
         ExportStop::Stopped => Error::Stopped,
     }
@@ -484,25 +496,19 @@ pub(crate) fn triangles_of<D: AsRef<[u8]> + Sync>(
     refuse_part(model, path, asked)?;
     let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine())?);
     let exporter = exporter_of(model, &view, &space, request, &|| {});
-    let fault = |stop| match stop {
-        // Checking all of it says what is wrong.
-        ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(path).into()),
-        ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => usage!("{fault}").at(path).into(),
-            None => Error::Output { path: std::env::temp_dir(), cause },
-        },
-        ExportStop::Stopped => Error::Stopped,
-    };
+    let scratch = std::env::temp_dir();
+    // Checking all of it says what is wrong.
+    let damage = || verify(model).err().map_or(Error::Internal, |fault| fault.at(path).into());
     let wanted = labels::wanted(model, path, asked)?;
     let mesh = || {
         if request.labels.is_empty() {
             return exporter.triangles(progress);
         }
         let all = &model.frame().labels;
-        let labels = exporter.label_mesh(all, &wanted, MAX_SMOOTH, &std::env::temp_dir(), progress)?;
+        let labels = exporter.label_mesh(all, &wanted, MAX_SMOOTH, &scratch, progress)?;
         Ok((labels.in_memory()?, labels.distance_mm()))
     };
-    model.unchanged_during(|| mesh().map_err(fault))
+    model.unchanged_during(|| mesh().map_err(|stop| stopped(stop, [path, &scratch], damage)))
 }
 
 /// True if a step of 32-bit numbers, at the corner farthest from the origin, is more than 1/128 of a voxel.
@@ -514,17 +520,6 @@ fn is_far(affine: &Affine, dims: Dims) -> bool {
     let farthest = (0..8).flat_map(corner).map(f64::abs).fold(0.0, f64::max);
     let least = affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     farthest * f64::from(f32::EPSILON) > least / 128.0
-}
-
-fn fault_of(cause: &io::Error) -> Option<ExportFault> {
-    cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
-}
-
-/// Oddities in sentences.
-fn warnings(unknown_voxels: u64, is_far: bool) -> impl Iterator<Item = String> {
-    let far =
-        "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
-    unknown_inside(unknown_voxels).into_iter().chain(is_far.then(|| far.to_owned()))
 }
 
 /// The warning of enclosed boxes that may be inside or outside.

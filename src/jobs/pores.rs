@@ -441,36 +441,26 @@ impl PoresReport {
     }
 
     fn head(&self) -> String {
-        let input = shown(&self.input);
-        let solid = Rounded(self.solid_volume_mm3);
-        let small = |what| {
-            let mut text = String::new();
-            if self.below_resolution > 0 {
-                let (below, mm) = (Count(self.below_resolution, what), Rounded(self.resolved_mm));
-                let _ = writeln!(
-                    text,
-                    "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
-                );
+        let (input, solid) = (shown(&self.input), Rounded(self.solid_volume_mm3));
+        let noun = if self.bodies.is_some() { "body" } else { "pore" };
+        let mut text = match (self.pores, self.pore_volume_mm3) {
+            (Some(pores), Some(volume)) => {
+                let [volume, percent] = [volume, 100.0 * self.porosity.unwrap_or(0.0)].map(Rounded);
+                let pores = Count(pores, noun);
+                format!("{input}: {pores}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n")
             }
-            if self.below_least > 0 {
-                let _ = writeln!(text, "  {} of fewer voxels left out", Count(self.below_least, what));
-            }
-            text
+            _ => format!("{input}: {}, {solid} mm3\n", Count(self.bodies.unwrap_or(0), noun)),
         };
-        match (self.pores, self.porosity, self.pore_volume_mm3) {
-            (Some(pores), porosity, Some(volume)) => {
-                let percent = Rounded(100.0 * porosity.unwrap_or(0.0));
-                let volume = Rounded(volume);
-                format!(
-                    "{input}: {}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
-                    Count(pores, "pore"),
-                    small("pore")
-                )
-            }
-            _ => {
-                let bodies = Count(self.bodies.unwrap_or(0), "body");
-                format!("{input}: {bodies}, {solid} mm3\n{}", small("body"))
-            }
+        if self.below_resolution > 0 {
+            let (below, mm) = (Count(self.below_resolution, noun), Rounded(self.resolved_mm));
+            let _ = writeln!(
+                text,
+                "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
+            );
         }
+        if self.below_least > 0 {
+            let _ = writeln!(text, "  {} of fewer voxels left out", Count(self.below_least, noun));
+        }
+        text
     }
 }
