@@ -244,19 +244,17 @@ impl LabelMesh {
         for (part, label) in self.part_of[which.clone()].iter().zip(&self.labels[which]) {
             let [vertices, triangles] = self.parts.counts(*part);
             let [low, high] = self.parts.bounds(*part);
-            let (name, color) = (part_name(label), label.color);
-            let of = counted(first)?;
-            first += vertices;
             heads.push(PartHead {
                 label: label.number,
-                name,
-                color,
+                name: part_name(label),
+                color: label.color,
                 vertices,
                 triangles,
                 low,
                 high,
-                first: of,
+                first: counted(first)?,
             });
+            first += vertices;
         }
         Ok(heads)
     }
