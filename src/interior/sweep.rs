@@ -154,14 +154,10 @@ impl Sweep {
         &self.before
     }
 
-    /// True if the latest slice has no skin: then all of it is outside.
-    fn is_void(&self) -> bool {
-        self.before.skin.is_empty()
-    }
-
     /// Takes the next slice, its skin in rows. An empty one behind another costs nothing.
     pub(crate) fn slice(&mut self, view: &ModelView<'_>, skin: &[SkinVoxel]) {
-        if skin.is_empty() && self.begun && self.is_void() {
+        // A slice without skin is all outside.
+        if skin.is_empty() && self.begun && self.before.skin.is_empty() {
             return;
         }
         let mut slice = Slice::default();

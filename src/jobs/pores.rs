@@ -240,6 +240,14 @@ fn surface_of<'a>(model: &Model, view: &'a ModelView<'a>, input: &Path) -> Resul
     Ok(Surface::open(view, &model.affine(), model.dims()).map_err(|fault| fault.at(input))?)
 }
 
+/// A writer of a file, which is emptied.
+fn emptied(file: &File) -> io::Result<BufWriter<File>> {
+    let mut file = file.try_clone()?;
+    file.set_len(0)?;
+    file.rewind()?;
+    Ok(BufWriter::new(file))
+}
+
 /// Copies a table with one more column.
 fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> io::Result<()> {
     rows.rewind()?;
@@ -367,12 +375,9 @@ impl Found {
     ) -> io::Result<Self> {
         let sought = if request.bodies { Sought::Bodies } else { Sought::Pores };
         let begun = |out: &File| {
-            let mut file = out.try_clone()?;
-            file.set_len(0)?;
-            file.rewind()?;
-            let mut file = BufWriter::new(file);
-            writeln!(file, "{COLUMNS}")?;
-            io::Result::Ok(file)
+            let mut out = emptied(out)?;
+            writeln!(out, "{COLUMNS}")?;
+            io::Result::Ok(out)
         };
         Ok(Self {
             components: Components::new(sought, frame, request.gap),
@@ -384,7 +389,7 @@ impl Found {
             below_resolution: 0,
             below_least: 0,
             largest: Vec::new(),
-            notes: notes.map(|file| Notes::new(file.try_clone()?)).transpose()?,
+            notes: notes.map(|file| emptied(file).map(Notes)).transpose()?,
             ends: Vec::new(),
         })
     }
