@@ -64,6 +64,7 @@ use crate::render::shade::Shader;
 use crate::scratch;
 
 use bits::Bits;
+use bodies::Bodies;
 use boundary::Bounded;
 use decimate::{Goal, Whole};
 use dual::Mesher;
@@ -292,7 +293,8 @@ impl Exporter<'_> {
             if form.is_mask() {
                 return self.mask(out, form, bounds, fates, progress);
             }
-            let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?).counting();
+            let mut sink =
+                Bounded::new(sink(form, out, scratch, [normals, colors])?, Some(Bodies::default()));
             let made = if self.is_fewer() {
                 self.whole(bounds, &mut sink, fates, progress)?
             } else {

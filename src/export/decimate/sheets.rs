@@ -6,6 +6,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::number;
 use crate::export::bodies::root;
 use crate::geom::{add_scaled, cross, dot};
 
@@ -81,7 +82,7 @@ impl Surface {
             let old = *corner;
             *corner = *news[old as usize].get_or_insert_with(|| {
                 kept.push(old as usize);
-                u32::try_from(kept.len() - 1).unwrap_or(u32::MAX)
+                number(kept.len() - 1)
             });
         }
         self.at = kept.iter().map(|old| self.at[*old]).collect();
@@ -198,7 +199,7 @@ impl Surface {
         if height > 0.0 {
             corners.swap(0, 1);
         }
-        let first = u32::try_from(self.at.len()).unwrap_or(NONE);
+        let first = number(self.at.len());
         self.at.extend(corners.map(|corner| other.at[corner as usize]));
         self.olds.extend(corners);
         let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
@@ -248,7 +249,7 @@ impl Surface {
             if *new == NONE {
                 *new = *corner;
                 if std::mem::replace(&mut is_taken[*corner as usize], true) {
-                    *new = u32::try_from(self.at.len()).unwrap_or(NONE);
+                    *new = number(self.at.len());
                     self.at.push(self.at[*corner as usize]);
                     self.olds.push(self.olds[*corner as usize]);
                 }
@@ -413,7 +414,7 @@ fn exchange(partners: &mut [u32], crowded: &[Vec<u32>], fans: &[u32]) -> bool {
             partners.swap(one, other);
             for edge in [one, other] {
                 if let Some(back) = partners.get_mut(partners[edge] as usize) {
-                    *back = u32::try_from(edge).unwrap_or(NONE);
+                    *back = number(edge);
                 }
             }
         }

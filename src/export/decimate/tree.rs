@@ -1,5 +1,6 @@
 //! How far a point is from triangles: a tree of boxes around them.
 
+use super::number;
 use crate::geom::{Nearest, add_scaled, dot, nearest_on_triangle};
 
 /// Most triangles of a leaf.
@@ -90,10 +91,6 @@ impl Query {
 
 /// Part by which a squared distance in single precision may be too great.
 const LAST_BITS: f64 = 1.0 + 1e-6;
-
-fn number(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(NO_HALF)
-}
 
 impl Tree {
     pub(super) fn new(mut triangles: Vec<[[f32; 3]; 3]>) -> Self {

@@ -225,7 +225,7 @@ impl LabelMesh {
             ExportForm::ThreeMf => Box::new(ThreeMf::new(out, &heads, waiting()?)?),
             _ => Box::new(Stl::new(out)?),
         };
-        let (mut sink, lights) = (Bounded::new(sink), Lights::new());
+        let (mut sink, lights) = (Bounded::new(sink, None), Lights::new());
         let mut exported = Exported { vertices: 0, triangles: 0, ..self.made };
         for (part, head) in self.part_of[which].iter().zip(&heads) {
             sink.part(head)?;
@@ -273,19 +273,6 @@ impl LabelMesh {
             let at = corners.map(place);
             sink.triangle(corners.map(|corner| first + corner), at)
         })
-    }
-}
-
-/// A part that is filled.
-struct OnePart<'p>(&'p mut Parts, usize);
-
-impl Sink for OnePart<'_> {
-    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
-        self.0.vertex(self.1, &[vertex.at, vertex.normal]).map(|_| ())
-    }
-
-    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
-        self.0.triangle(self.1, corners)
     }
 }
 

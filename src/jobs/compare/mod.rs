@@ -15,7 +15,7 @@ use super::pass::{PageRelief, Pass, Records};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::error::Error;
-use crate::fault::usage;
+use crate::fault::{Fault, usage};
 use crate::format::{ColorMap, Quantity, SelectionKind};
 use crate::geom::{Affine, dot};
 use crate::interior::extent;
@@ -178,15 +178,15 @@ fn measured<'a>(
 }
 
 impl CompareRequest {
-    fn check(&self) -> Result<(), Error> {
+    fn check(&self) -> Result<(), Fault> {
         if self.radius_mm.is_some_and(|radius| !(radius > 0.0 && radius.is_finite())) {
-            return Err(usage!("the radius must be above 0 mm").into());
+            return Err(usage!("the radius must be above 0 mm"));
         }
         if !(0.0..=180.0).contains(&self.angle_deg) {
-            return Err(usage!("the angle between normals must be 0 to 180 degrees").into());
+            return Err(usage!("the angle between normals must be 0 to 180 degrees"));
         }
         if self.threshold_sigma.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
-            return Err(usage!("the standard deviation of the threshold must be 0 or more").into());
+            return Err(usage!("the standard deviation of the threshold must be 0 or more"));
         }
         if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
             return Err(usage!(

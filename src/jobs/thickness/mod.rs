@@ -228,8 +228,7 @@ impl Row {
 #[derive(Default)]
 struct Found {
     distribution: Distribution,
-    cells: u64,
-    area_mm2: f64,
+    all: Area,
     none: Area,
     thicker: Area,
     below: Area,
@@ -252,8 +251,7 @@ impl Found {
     }
 
     fn add(&mut self, row: &Row) {
-        self.cells += 1;
-        self.area_mm2 += row.area_mm2;
+        self.all.add(row.area_mm2);
         let value = match row.thickness {
             Thickness::None => return self.none.add(row.area_mm2),
             Thickness::Thicker => return self.thicker.add(row.area_mm2),
@@ -272,13 +270,13 @@ impl Found {
 
     fn report(self, job: &Job<'_>) -> ThicknessReport {
         let [none, thicker, below_resolution, thin] =
-            [self.none, self.thicker, self.below, self.thin].map(|area| area.of(self.area_mm2));
+            [self.none, self.thicker, self.below, self.thin].map(|area| area.of(self.all.area_mm2));
         let places = self.places.finish();
         ThicknessReport {
             input: data(job.path),
             by: job.request.by,
             max_mm: job.gauge.max_mm,
-            cells: self.cells,
+            cells: self.all.cells,
             none,
             thicker,
             below_resolution,
