@@ -299,10 +299,15 @@ fn refuse_part<D: AsRef<[u8]>>(
     request: ExportRequest<'_>,
 ) -> Result<(), Error> {
     labels::wanted(model, input, request)?;
-    match (request.needs_inside(), model.metadata().seen_from()) {
-        (true, Some(seen_from)) => Err(keeps_part(seen_from, input).into()),
-        _ => Ok(()),
+    if request.needs_inside() {
+        refuse_seen(model, input)?;
     }
+    Ok(())
+}
+
+/// Refuses a model that keeps only what can be seen.
+pub(super) fn refuse_seen<D: AsRef<[u8]>>(model: &Model<D>, path: &Path) -> Result<(), Fault> {
+    model.metadata().seen_from().map_or(Ok(()), |seen_from| Err(keeps_part(seen_from, path)))
 }
 
 /// A model without labels, where surfaces of labels are asked for.
@@ -437,14 +442,13 @@ fn export_page(
         );
         return Err(fault.at(input).into());
     }
-    let (dims, affine) = (model.dims(), model.affine());
     let wanted = labels::wanted(&model, input, request)?;
     let hidden = model.frame().labels.iter().zip(wanted).filter(|(_, is_wanted)| !is_wanted);
     let hidden: Vec<u16> = hidden.map(|(label, _)| label.number).collect();
     let picture = still(&model, STILL, request.labels, progress)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
-    let space = GridSpace::new(dims, &affine)?;
+    let space = GridSpace::new(model.dims(), &model.affine())?;
     progress.stage("page", 1);
     let name = input.file_name().map(|name| data(Path::new(name)));
     let (what, way) = match form {

@@ -13,13 +13,13 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::cell_volume::CellVolume;
-use super::export::{ExportRequest, commit, exported, refuse_input, unknown_inside};
+use super::export::{ExportRequest, commit, exported, refuse_input, refuse_seen, unknown_inside};
 use super::measure::wall_areas;
 use super::open_model::{open_model, refuse_larger_leaves, scratch_beside};
 use super::verify::verify_unless_packed;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
-use crate::error::{Error, keeps_part};
+use crate::error::Error;
 use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
 use crate::fault::usage;
 use crate::geom::Affine;
@@ -264,9 +264,7 @@ fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> i
 
 /// Refuses a model whose inside is not known.
 fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
-    if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(keeps_part(seen_from, input).into());
-    }
+    refuse_seen(model, input)?;
     if model.view().cells().is_none() {
         let fault =
             usage!("is a skin of voxels, which is too coarse to measure; build it with {SURFACE} cells");

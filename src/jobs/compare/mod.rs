@@ -8,7 +8,7 @@ mod subject;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::export::refuse_input;
+use super::export::{refuse_input, refuse_seen};
 use super::info::has_values;
 use super::open_model::refuse_larger_leaves;
 use super::pass::{PageRelief, Pass, Records};
@@ -128,9 +128,7 @@ pub fn compare(
     let finest = one.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;
     refuse_larger_leaves(&one.model, actual, "deviations are")?;
-    if let Some(seen_from) = other.model.metadata().seen_from() {
-        return Err(crate::error::keeps_part(seen_from, nominal).into());
-    }
+    refuse_seen(&other.model, nominal)?;
     let (one_view, other_view) = (one.model.solid_view(), other.model.solid_view());
     let models = [&one.model, &other.model];
     let job = Job {

@@ -12,7 +12,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::compare::Area;
-use super::export::refuse_input;
+use super::export::{refuse_input, refuse_seen};
 use super::open_model::{open_model, refuse_larger_leaves};
 use super::pass::{Pass, Records};
 use super::verify::verify_unless_packed;
@@ -137,9 +137,7 @@ pub fn thickness(
     verify_unless_packed(path)?;
     let model = open_model(path)?;
     refuse_larger_leaves(&model, path, "thickness is")?;
-    if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(crate::error::keeps_part(seen_from, path).into());
-    }
+    refuse_seen(&model, path)?;
     let view = model.solid_view();
     let models = [&model];
     let surface = Surface::open(&view, &model.affine(), model.dims()).map_err(|fault| fault.at(path))?;
