@@ -267,7 +267,8 @@ struct SampleSlice<'s> {
 type Bounds = [[u32; 3]; 2];
 
 impl Exporter<'_> {
-    /// Writes the model into an empty file; pending data goes to anonymous files in `scratch`.
+    /// Writes the model into an empty file, in a form other than a page; pending data goes to anonymous files in
+    /// `scratch`.
     pub(crate) fn write(
         &self,
         form: ExportForm,
@@ -278,13 +279,8 @@ impl Exporter<'_> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [normals, colors] = self.has();
         let copy = || out.try_clone();
-        match form {
-            ExportForm::Points => {
-                return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
-            }
-            // A page does not depend on the inside, and is made elsewhere.
-            ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
-            _ => {}
+        if form == ExportForm::Points {
+            return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
         }
         self.knowing_inside(bounds, progress, &mut |fates| {
             let mut out = copy()?;

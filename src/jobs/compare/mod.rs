@@ -189,8 +189,7 @@ impl CompareRequest {
         if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
             return Err(usage!(
                 "the tolerance must rise from its lower to its upper limit; a single number must be 0 or more"
-            )
-            .into());
+            ));
         }
         let columns = [0, 1, 2].map(|a| self.placement.column(a));
         let is_rigid = (0..3).all(|a| {
@@ -201,8 +200,7 @@ impl CompareRequest {
             return Err(usage!(
                 "the placement scales or shears, so that it would change what is measured; give one of lengths 1 and \
                  right angles"
-            )
-            .into());
+            ));
         }
         Ok(())
     }
