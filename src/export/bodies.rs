@@ -71,14 +71,20 @@ impl Bodies {
         self.complete
     }
 
-    fn root(&mut self, mut corner: u32) -> u32 {
-        while self.above[corner as usize] != corner {
-            let next = self.above[self.above[corner as usize] as usize];
-            self.above[corner as usize] = next;
-            corner = next;
-        }
-        corner
+    fn root(&mut self, corner: u32) -> u32 {
+        root(&mut self.above, corner)
     }
+}
+
+/// The name of a number's set, which is a number that has itself in `above`; others have one of their set. Halves the path
+/// to it.
+pub(super) fn root(above: &mut [u32], mut number: u32) -> u32 {
+    while above[number as usize] != number {
+        let next = above[above[number as usize] as usize];
+        above[number as usize] = next;
+        number = next;
+    }
+    number
 }
 
 #[cfg(test)]

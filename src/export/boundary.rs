@@ -20,13 +20,9 @@ pub(super) struct Bounded {
 }
 
 impl Bounded {
-    pub(super) fn new(to: Box<dyn Output>) -> Self {
-        Self { to, sum: 0, is_closed: true, bodies: None }
-    }
-
-    /// Counts bodies and cavities as well.
-    pub(super) fn counting(self) -> Self {
-        Self { bodies: Some(Bodies::default()), ..self }
+    /// Counts bodies and cavities as well, if `bodies` are given.
+    pub(super) fn new(to: Box<dyn Output>, bodies: Option<Bodies>) -> Self {
+        Self { to, sum: 0, is_closed: true, bodies }
     }
 
     /// Begins a part.
@@ -102,7 +98,7 @@ mod tests {
     fn a_part_is_closed_where_each_edge_runs_both_ways() {
         let solid = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
         let is_closed = |parts: &[&[[u32; 3]]]| {
-            let mut sink = Bounded::new(Box::new(Nowhere));
+            let mut sink = Bounded::new(Box::new(Nowhere), None);
             for faces in parts {
                 sink.part(&PartHead::default()).unwrap();
                 faces.iter().for_each(|face| sink.triangle(*face, [[0.0; 3]; 3]).unwrap());

@@ -18,7 +18,7 @@ use std::io;
 use super::bits::Bits;
 use super::cases::{AMBIGUOUS_HIGH, CASES, edge_at, ends, is_inside, others};
 use super::fault::ExportFault;
-use super::patch::{Patch, PatchPoint, PatchPoints, singles};
+use super::patch::{Layer, Patch, PatchPoint, singles};
 use super::vertex_color::{Light, Mixture};
 use super::write::{Sink, Vertex, unit};
 use crate::cpu::{Kernel, Lanes, dispatch};
@@ -134,7 +134,7 @@ impl<'a> Mesher<'a> {
     pub(super) fn layer(
         &mut self,
         samples: [&Bits; 2],
-        spots: &mut impl PatchPoints,
+        surface: &mut Layer<'_>,
         height: usize,
         z: u32,
     ) -> io::Result<()> {
@@ -158,13 +158,13 @@ impl<'a> Mesher<'a> {
         if samples.iter().all(|samples| samples.is_empty()) {
             return Ok(());
         }
-        dispatch(LayerOf { mesher: self, samples, spots, height, z })
+        dispatch(LayerOf { mesher: self, samples, surface, height, z })
     }
 
     /// Makes the vertices of a row of cubes between four rows of samples; bit 0 and 1 of a row's number are set for the
     /// higher one along y and z.
     #[inline(always)]
-    fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, spots: &mut impl PatchPoints) -> io::Result<()> {
+    fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, surface: &mut Layer<'_>) -> io::Result<()> {
         let mut before = [0; 4];
         for (word, at) in (0..rows[0].len()).zip((0_u32..).step_by(64)) {
             let (mut high, mut low) = ([0; 4], [0; 4]);
@@ -188,7 +188,7 @@ impl<'a> Mesher<'a> {
                 let (x, case) = (at + bit, case.to_le_bytes()[0]);
                 self.here.push(Cube { x, case, first: self.next_vertex() });
                 for patch in 0..CASES[usize::from(case)].patches {
-                    let spot = spots.spot(Patch { x, row, case, patch });
+                    let spot = surface.spot(Patch { x, row, case, patch });
                     self.add([x, row_number(row), z], &spot)?;
                 }
             }
@@ -459,25 +459,25 @@ fn row_number(row: usize) -> u32 {
 }
 
 /// Work on one layer.
-struct LayerOf<'m, 'a, 's, S> {
+struct LayerOf<'m, 'a, 's, 'l> {
     mesher: &'m mut Mesher<'a>,
     samples: [&'s Bits; 2],
-    spots: &'s mut S,
+    surface: &'s mut Layer<'l>,
     height: usize,
     z: u32,
 }
 
-impl<S: PatchPoints> Kernel for LayerOf<'_, '_, '_, S> {
+impl Kernel for LayerOf<'_, '_, '_, '_> {
     type Output = io::Result<()>;
 
     #[inline(always)]
     fn run(self, _: impl Lanes) -> io::Result<()> {
-        let Self { mesher, samples: [low, high], spots, height, z } = self;
+        let Self { mesher, samples: [low, high], surface, height, z } = self;
         // Row `y` of cubes lies between the samples' rows `y - 1` and `y`.
         mesher.here.end_row();
         for row in 1..height {
             let rows = [low.row(row - 1), low.row(row), high.row(row - 1), high.row(row)];
-            mesher.row(rows, row, z, spots)?;
+            mesher.row(rows, row, z, surface)?;
         }
         mesher.join(height, 64 * low.stride(), z)
     }
@@ -494,31 +494,27 @@ fn mean(vertices: &[Vertex]) -> Light {
 mod tests {
     use super::*;
     use crate::export::bits::set;
-
-    /// Records the requested cubes.
-    struct Asked(Vec<(u32, u8)>);
-
-    impl PatchPoints for Asked {
-        fn spot(&mut self, place: Patch) -> PatchPoint {
-            self.0.push((place.x, place.case));
-            PatchPoint { at: [0.0; 3], normal: [0.0; 3], light: [0; 3] }
-        }
-    }
+    use crate::geom::Dims;
+    use crate::memory_tree::MemoryTree;
+    use crate::render::GridSpace;
 
     #[test]
     fn rows_become_cubes() {
-        let found = |rows: [&[[u32; 2]]; 4]| {
+        let (dims, affine) = (Dims::new(100, 2, 2).unwrap(), Affine::from_spacing([1.0; 3]));
+        let (tree, space) = (MemoryTree::of_cells(dims, [[0; 3]]), GridSpace::new(dims, &affine).unwrap());
+        let (view, none) = (tree.view(), Rows::default());
+        let mut surface = Layer { view: &view, space: &space, items: [&none; 2], lights: None, at: (0, 0) };
+        let mut found = |rows: [&[[u32; 2]]; 4]| {
             let mut samples = [Bits::new(100, 2), Bits::new(100, 2)];
             for (j, stretches) in rows.into_iter().enumerate() {
                 let row = samples[j / 2].row_mut(j % 2);
                 stretches.iter().for_each(|[start, end]| set(row, *start, *end));
             }
-            let mut asked = Asked(Vec::new());
-            let mut mesher = Mesher::new(Affine::from_spacing([1.0; 3]), [false; 2], None);
+            let mut mesher = Mesher::new(affine, [false; 2], None);
             let [low, high] = &samples;
             let rows = [low.row(0), low.row(1), high.row(0), high.row(1)];
-            mesher.row(rows, 1, 1, &mut asked).unwrap();
-            asked.0
+            mesher.row(rows, 1, 1, &mut surface).unwrap();
+            mesher.here.row(0).iter().map(|cube| (cube.x, cube.case)).collect::<Vec<_>>()
         };
         assert_eq!(found([&[[2, 5]], &[], &[], &[]]), [(2, 0b0000_0010), (3, 0b11), (4, 0b11), (5, 0b01)]);
         let slab: &[[u32; 2]] = &[[1, 64]];

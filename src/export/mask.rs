@@ -14,28 +14,6 @@ use crate::geom::{Affine, Dims};
 /// The longest side that a header of NIfTI-1 can state.
 const NIFTI_MOST: u32 = 32767;
 
-/// The form of a mask's file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum MaskForm {
-    /// Samples gzipped behind a header of text.
-    Nrrd,
-    /// A header of 352 bytes, then samples.
-    Nifti,
-    /// The same, gzipped as a whole.
-    NiftiGz,
-}
-
-impl MaskForm {
-    pub(super) fn of(form: ExportForm) -> Option<Self> {
-        match form {
-            ExportForm::Nrrd => Some(Self::Nrrd),
-            ExportForm::Nifti => Some(Self::Nifti),
-            ExportForm::NiftiGz => Some(Self::NiftiGz),
-            _ => None,
-        }
-    }
-}
-
 enum Out {
     Plain(BufWriter<File>),
     Gzip(GzEncoder<BufWriter<File>>),
@@ -62,30 +40,31 @@ pub(super) struct Mask {
 }
 
 impl Mask {
-    /// Begins a mask of `dims` voxels, or a map of labels; `affine` maps indices to LPS mm.
+    /// Begins a mask of `dims` voxels, or a map of labels; `affine` maps indices to LPS mm. NRRD has gzipped samples
+    /// behind a header of text, NIfTI a header of 352 bytes, then samples, and may be gzipped as a whole.
     pub(super) fn new(
         out: File,
-        form: MaskForm,
+        form: ExportForm,
         dims: Dims,
         affine: &Affine,
         labelled: bool,
     ) -> io::Result<Self> {
         let side = dims.to_array().into_iter().max().unwrap_or(0);
-        if form != MaskForm::Nrrd && side > NIFTI_MOST {
+        if form != ExportForm::Nrrd && side > NIFTI_MOST {
             return Err(ExportFault::TooWide { side }.into());
         }
         let width = dims.nx() as usize;
         let mut plain = BufWriter::with_capacity(1 << 18, out);
         let out = match form {
-            MaskForm::Nrrd => {
+            ExportForm::Nrrd => {
                 plain.write_all(nrrd(dims, affine, labelled).as_bytes())?;
                 Out::Gzip(GzEncoder::new(plain, Compression::fast()))
             }
-            MaskForm::Nifti => {
+            ExportForm::Nifti => {
                 plain.write_all(&nifti(dims, affine, labelled))?;
                 Out::Plain(plain)
             }
-            MaskForm::NiftiGz => {
+            _ => {
                 let mut out = GzEncoder::new(plain, Compression::fast());
                 out.write_all(&nifti(dims, affine, labelled))?;
                 Out::Gzip(out)

@@ -64,13 +64,14 @@ use crate::render::shade::Shader;
 use crate::scratch;
 
 use bits::Bits;
+use bodies::Bodies;
 use boundary::Bounded;
 use decimate::{Goal, Whole};
 use dual::Mesher;
-use mask::{Mask, MaskForm};
-use patch::{Layer, singles};
+use mask::Mask;
+use patch::singles;
 use sample_signs::{Boxes, Extent, Item};
-use threaded::{Ground, Slices};
+use threaded::Ground;
 use vertex_color::{Lights, UNCOLORED};
 use write::{Glb, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
 
@@ -242,7 +243,7 @@ pub(crate) struct Exporter<'a> {
     /// Index of a box to LPS mm.
     pub(crate) affine: Affine,
     pub(crate) space: &'a GridSpace,
-    /// True if only the skin counts as inside in a mask.
+    /// True for a mask in which only the skin counts as inside.
     pub(crate) skin_only: bool,
     /// Reduces the triangles within this distance of the full surface, in mm.
     pub(crate) error_mm: Option<f64>,
@@ -252,22 +253,22 @@ pub(crate) struct Exporter<'a> {
     pub(crate) give_back: &'a dyn Fn(),
 }
 
-/// Product of the samples.
-#[expect(clippy::large_enum_variant, reason = "there is one of them")]
-enum Product<'a> {
-    Mesh(Mesher<'a>),
-    /// A mesh made on another thread.
-    Slices(Slices),
-    Mask(Mask),
-    /// Consumer of samples, and of the cells between them and the slice before.
-    Regions(&'a mut dyn FnMut(&Bits, &Rows<Item>) -> io::Result<()>),
+/// A slice of samples.
+struct SampleSlice<'s> {
+    /// Number of the slice, from 0 on.
+    z: u32,
+    /// The slice before, and this one.
+    samples: [&'s mut Bits; 2],
+    /// Items of the last two slices of boxes, the latest last; cells of the first one lie between both slices of samples.
+    items: [&'s mut Rows<Item>; 2],
 }
 
 /// First box of the skin along each axis, and the one after the last.
 type Bounds = [[u32; 3]; 2];
 
 impl Exporter<'_> {
-    /// Writes the model into an empty file; pending data goes to anonymous files in `scratch`.
+    /// Writes the model into an empty file, in a form other than a page; pending data goes to anonymous files in
+    /// `scratch`.
     pub(crate) fn write(
         &self,
         form: ExportForm,
@@ -278,23 +279,18 @@ impl Exporter<'_> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [normals, colors] = self.has();
         let copy = || out.try_clone();
-        match form {
-            ExportForm::Points => {
-                return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
-            }
-            // A page does not depend on the inside, and is made elsewhere.
-            ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
-            _ => {}
+        if form == ExportForm::Points {
+            return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
         }
-        let mask = MaskForm::of(form);
         self.knowing_inside(bounds, progress, &mut |fates| {
             let mut out = copy()?;
             out.set_len(0)?;
             out.rewind()?;
-            if let Some(mask) = mask {
-                return self.mask(out, mask, bounds, fates, progress);
+            if form.is_mask() {
+                return self.mask(out, form, bounds, fates, progress);
             }
-            let mut sink = Bounded::new(sink(form, out, scratch, [normals, colors])?).counting();
+            let mut sink =
+                Bounded::new(sink(form, out, scratch, [normals, colors])?, Some(Bodies::default()));
             let made = if self.is_fewer() {
                 self.whole(bounds, &mut sink, fates, progress)?
             } else {
@@ -311,7 +307,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
-        fates: Option<(u64, ComponentSides)>,
+        fates: Option<ComponentSides>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
         let mut whole = self.fewer(self.triangles, progress);
@@ -344,14 +340,19 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
-        fates: Option<(u64, ComponentSides)>,
+        fates: Option<ComponentSides>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        let product = Product::Mesh(self.mesher(bounds, Some(sink)));
-        let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
-        let Product::Mesh(mesher) = product else { return Err(ExportStop::Damaged) };
+        let lights = self.lights();
+        let ground = self.ground(bounds, lights.as_ref());
+        let mut mesher = self.mesher(bounds, Some(sink));
+        let swept = self.sweep(bounds, fates, progress, &mut |slice| {
+            let SampleSlice { z, samples: [before, samples], items: [below, boxes] } = slice;
+            // A layer of cells is the slice between two slices of samples.
+            if z == 0 { Ok(()) } else { ground.layer(&mut mesher, [before, samples], [below, boxes], z) }
+        })?;
         let (vertices, triangles) = mesher.counts();
-        Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
+        Ok(swept.map(|unknown| Exported { vertices, triangles, unknown, ..Exported::default() }))
     }
 
     /// All triangles in memory, or fewer with their distance in mm.
@@ -366,15 +367,18 @@ impl Exporter<'_> {
     fn kept(
         &self,
         bounds: Bounds,
-        fates: Option<(u64, ComponentSides)>,
+        fates: Option<ComponentSides>,
         progress: &dyn Progress,
     ) -> Result<Option<Mesh>, ExportStop> {
         let room = usize::try_from(self.view.voxel_count()).unwrap_or(0);
         let mesher = self.mesher(bounds, None).with_room(room);
-        let ground = Ground { view: self.view, space: self.space, extent: extent_of(bounds) };
-        let surface = ground.mesh(mesher, self.lights(), |slices| {
-            let swept = self.sweep(bounds, Product::Slices(slices), fates, progress)?;
-            Ok::<_, ExportStop>(swept.map(|_| ()))
+        let lights = self.lights();
+        let surface = self.ground(bounds, lights.as_ref()).mesh(mesher, |slices| {
+            self.sweep(bounds, fates, progress, &mut |slice| {
+                let SampleSlice { samples: [_, samples], items: [below, boxes], .. } = slice;
+                slices.send(if self.cells() { below } else { boxes }, samples);
+                Ok(())
+            })
         })?;
         let Some(surface) = surface else { return Ok(None) };
         let shader = Shader::new();
@@ -406,7 +410,7 @@ impl Exporter<'_> {
         &self,
         bounds: Bounds,
         progress: &dyn Progress,
-        work: &mut dyn FnMut(Option<(u64, ComponentSides)>) -> Result<Option<T>, ExportStop>,
+        work: &mut dyn FnMut(Option<ComponentSides>) -> Result<Option<T>, ExportStop>,
     ) -> Result<T, ExportStop> {
         if self.cells()
             && let Some(done) = work(None)?
@@ -416,20 +420,23 @@ impl Exporter<'_> {
         work(Some(self.fates(bounds, progress)?))?.ok_or(ExportStop::Damaged)
     }
 
-    /// The fates of enclosed components by all normals, and the number of undecided boxes.
-    fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<(u64, ComponentSides), ExportStop> {
+    /// The fates of enclosed components by all normals.
+    fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<ComponentSides, ExportStop> {
         progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
         let mut sweep = Sweep::new(bounds, self.outward()).keeping_fates();
         self.each_slice(bounds, |skin| {
             sweep.slice(self.view, skin);
             Ok(Some(progress.step(1)?))
         })?;
-        let (enclosed, fates) = sweep.finish();
-        Ok((enclosed.unknown, fates))
+        Ok(sweep.finish().1)
     }
 
     fn outward(&self) -> Outward {
         Outward::new(self.cells(), self.affine.spacing_mm())
+    }
+
+    fn ground<'a>(&'a self, bounds: Bounds, lights: Option<&'a Lights>) -> Ground<'a> {
+        Ground { view: self.view, space: self.space, extent: extent_of(bounds), lights }
     }
 
     /// A mesher whose triangles go to a sink, or are kept without one.
@@ -447,9 +454,9 @@ impl Exporter<'_> {
     fn mask(
         &self,
         out: File,
-        form: MaskForm,
+        form: ExportForm,
         bounds: Bounds,
-        fates: Option<(u64, ComponentSides)>,
+        fates: Option<ComponentSides>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
         // Cells have samples between them: one less along each axis, beginning half a cell later.
@@ -457,43 +464,64 @@ impl Exporter<'_> {
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
         let affine = self.affine.starting_at([later; 3]);
-        let product = Product::Mask(Mask::new(out, form, dims, &affine, false)?);
-        let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
-        let Product::Mask(mask) = product else { return Err(ExportStop::Damaged) };
+        let mut mask = Mask::new(out, form, dims, &affine, false)?;
+        // Samples of voxels begin one before the skin; so do cells, and the sample after the first.
+        let [x, y, first] = bounds[0].map(|low| i64::from(low) - 1);
+        let swept = self.sweep(bounds, fates, progress, &mut |SampleSlice { z, samples, .. }| {
+            // A slice before the volume is empty.
+            let Ok(z) = u32::try_from(first + i64::from(z)) else { return Ok(()) };
+            mask.empty_until(z)?;
+            mask.slice(samples[1], [x, y])
+        })?;
+        let Some(unknown) = swept else { return Ok(None) };
         let inside = mask.inside();
         mask.finish()?;
         Ok(Some(Exported { inside, unknown, ..Exported::default() }))
     }
 
-    /// Sweeps the model, and makes its product; `None` if the cells do not determine the inside.
-    fn sweep<'p>(
+    /// Sweeps the model, and calls `each` with every slice of samples. Returns the number of undecided boxes; `None` if
+    /// the cells do not determine the inside.
+    fn sweep(
         &self,
         bounds: Bounds,
-        product: Product<'p>,
-        fates: Option<(u64, ComponentSides)>,
+        fates: Option<ComponentSides>,
         progress: &dyn Progress,
-    ) -> Result<Option<(Product<'p>, u64)>, ExportStop> {
-        let (unknown, fates) = fates.map_or((0, None), |(unknown, fates)| (unknown, Some(fates)));
+        each: &mut dyn FnMut(SampleSlice<'_>) -> io::Result<()>,
+    ) -> Result<Option<u64>, ExportStop> {
+        let (cells, extent) = (self.cells(), extent_of(bounds));
+        let unknown = fates.as_ref().map_or(0, |fates| fates.unknown);
         let mut votes = fates.map(|fates| Sweep::new(bounds, self.outward()).knowing(fates));
-        let [low, end] = bounds;
-        let mut samples = Samples::new(extent_of(bounds), self.lights(), product);
-        progress.stage("export", u64::from(end[2] - low[2]));
+        // The latest slice, and the one before.
+        let mut boxes = [(); 2].map(|()| Boxes::new(extent));
+        let mut both = [(); 2].map(|()| Bits::new(extent.width, extent.height));
+        let mut taken = 0_u32;
+        progress.stage("export", u64::from(bounds[1][2] - bounds[0][2]));
         let done = self.each_slice(bounds, |skin| {
             if let Some(votes) = &mut votes {
                 votes.slice(self.view, skin);
             }
             progress.step(1)?;
-            samples.boxes.rotate_right(1);
-            let [here, below] = &mut samples.boxes;
+            boxes.rotate_right(1);
+            let [here, below] = &mut boxes;
             if here.take(self.view, skin, below, votes.as_ref()).is_none() {
                 return Ok(None);
             }
-            self.next_slice(&mut samples, low).map(Some)
+            // Samples of cells lie between two slices.
+            if let Some(z) = taken.checked_sub(u32::from(cells)) {
+                both.rotate_right(1);
+                let [samples, before] = &mut both;
+                if cells {
+                    below.of_cells(here, samples);
+                } else {
+                    here.of_voxels(self.skin_only, samples);
+                }
+                let items = [&mut below.items, &mut here.items];
+                each(SampleSlice { z, samples: [before, samples], items })?;
+            }
+            taken += 1;
+            Ok(Some(()))
         })?;
-        if done.is_none() {
-            return Ok(None);
-        }
-        Ok(Some((samples.product, unknown)))
+        Ok(done.map(|()| unknown))
     }
 
     /// Calls `work` with the skin of each slice, from the one before the first to the one after the last, until it
@@ -521,48 +549,6 @@ impl Exporter<'_> {
             }
         }
         work(&[])
-    }
-
-    /// Extends the product by the slice of boxes that was taken last.
-    fn next_slice(&self, state: &mut Samples<'_>, low: [u32; 3]) -> Result<(), ExportStop> {
-        let Samples { lights, boxes: [boxes, below], samples: both, slices, is_first, product } = state;
-        let cells = self.cells();
-        if cells && std::mem::take(is_first) {
-            return Ok(());
-        }
-        both.rotate_right(1);
-        let [samples, before] = both;
-        if cells {
-            below.of_cells(boxes, samples);
-        } else {
-            boxes.of_voxels(self.skin_only && matches!(product, Product::Mask(_)), samples);
-        }
-        let height = if cells { boxes.height() - 1 } else { boxes.height() };
-        match product {
-            // A layer of cells is the slice between two slices of samples.
-            Product::Mesh(mesher) if *slices > 0 => {
-                let items = [&below.items, &boxes.items];
-                let (lights, at) = (lights.as_ref(), (0, 0));
-                let mut layer = Layer { view: self.view, space: self.space, items, lights, at };
-                mesher.layer([before, samples], &mut layer, height, *slices)?;
-            }
-            Product::Mesh(_) => {}
-            Product::Slices(apart) => {
-                apart.send(if cells { &mut below.items } else { &mut boxes.items }, samples);
-            }
-            Product::Mask(mask) => {
-                // Samples of voxels begin one before the skin; so do cells, and the sample after the first.
-                let [x, y, z] = low.map(|low| i64::from(low) - 1);
-                // A slice before the volume is empty.
-                if let Ok(z) = u32::try_from(z + i64::from(*slices)) {
-                    mask.empty_until(z)?;
-                    mask.slice(samples, [x, y])?;
-                }
-            }
-            Product::Regions(work) => work(samples, &below.items)?,
-        }
-        *slices += 1;
-        Ok(())
     }
 
     fn points(
@@ -635,33 +621,4 @@ fn sink(
         }
         _ => Box::new(Stl::new(out)?),
     })
-}
-
-/// The state between two slices.
-struct Samples<'p> {
-    /// Table of colours, if the model has colours.
-    lights: Option<Lights>,
-    /// The latest slice of boxes, and the one before.
-    boxes: [Boxes; 2],
-    /// The latest slice of samples, and the one before.
-    samples: [Bits; 2],
-    /// Slices of samples so far.
-    slices: u32,
-    /// True before the second slice of boxes.
-    is_first: bool,
-    product: Product<'p>,
-}
-
-impl<'p> Samples<'p> {
-    fn new(extent: Extent, lights: Option<Lights>, product: Product<'p>) -> Self {
-        let bits = || Bits::new(extent.width, extent.height);
-        Self {
-            lights,
-            boxes: [Boxes::new(extent), Boxes::new(extent)],
-            samples: [bits(), bits()],
-            slices: 0,
-            is_first: true,
-            product,
-        }
-    }
 }

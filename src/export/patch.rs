@@ -28,12 +28,6 @@ pub(super) struct PatchPoint {
     pub(super) light: Light,
 }
 
-/// Positions of patches.
-pub(super) trait PatchPoints {
-    /// The vertex of a patch. Cubes come in rows, in each from left to right.
-    fn spot(&mut self, place: Patch) -> PatchPoint;
-}
-
 /// The point, kept away from the faces of its cube.
 #[inline(always)]
 fn held_within(at: [f64; 3]) -> [f64; 3] {
@@ -74,9 +68,10 @@ pub(super) struct Layer<'a> {
     pub(super) at: (usize, usize),
 }
 
-impl PatchPoints for Layer<'_> {
+impl Layer<'_> {
+    /// The vertex of a patch. Cubes come in rows, in each from left to right.
     #[inline(always)]
-    fn spot(&mut self, place: Patch) -> PatchPoint {
+    pub(super) fn spot(&mut self, place: Patch) -> PatchPoint {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
             None => {
@@ -86,9 +81,7 @@ impl PatchPoints for Layer<'_> {
         };
         PatchPoint { at: held_within(spot.at), ..spot }
     }
-}
 
-impl Layer<'_> {
     /// The sum of the normals of the patch's inside voxels, and the mean of their colours.
     fn of_voxels(&self, place: Patch) -> ([f64; 3], Light) {
         let mut sum = [0.0; 3];

@@ -7,7 +7,7 @@ use std::io;
 
 use super::bits::Bits;
 use super::sample_signs::Item;
-use super::{Bounds, ExportStop, Exporter, Product};
+use super::{Bounds, ExportStop, Exporter, SampleSlice};
 use crate::format::cell::{HAS_CORNERS, Plane};
 use crate::interior::{Rows, SkinVoxel, extent};
 use crate::load::{CellShape, ModelView, NodeView};
@@ -145,13 +145,12 @@ impl Exporter<'_> {
         }
         self.knowing_inside(bounds, progress, &mut |fates| {
             let mut state = begin(frame)?;
-            let mut each = |samples: &Bits, items: &Rows<Item>| {
-                slice.of_bits(self.view, samples, items, frame);
-                work(&mut state, &slice)
-            };
-            let swept = self.sweep(bounds, Product::Regions(&mut each), fates, progress)?;
-            let unknown = swept.map(|(_, unknown)| unknown);
-            Ok(unknown.map(|unknown| (state, unknown)))
+            let swept =
+                self.sweep(bounds, fates, progress, &mut |SampleSlice { samples, items, .. }| {
+                    slice.of_bits(self.view, samples[1], items[0], frame);
+                    work(&mut state, &slice)
+                })?;
+            Ok(swept.map(|unknown| (state, unknown)))
         })
     }
 }

@@ -66,11 +66,6 @@ impl Boxes {
         }
     }
 
-    /// Number of rows, including one before and one after the skin.
-    pub(super) fn height(&self) -> usize {
-        self.extent.height
-    }
-
     /// Takes a slice, its skin in rows. `votes` has the sides of all other boxes; without it the cells must decide.
     /// `None` if they do not.
     pub(super) fn take(

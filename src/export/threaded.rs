@@ -57,49 +57,57 @@ pub(super) struct Ground<'a> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) space: &'a GridSpace,
     pub(super) extent: Extent,
+    /// Table of colours, if the model has colours.
+    pub(super) lights: Option<&'a Lights>,
 }
 
 impl Ground<'_> {
+    /// Makes the triangles between two slices of samples, the upper of which has number `z`; `items` as in [`Layer`].
+    ///
+    /// # Errors
+    /// Errors of [`Mesher::layer`].
+    pub(super) fn layer(
+        &self,
+        mesher: &mut Mesher<'_>,
+        samples: [&Bits; 2],
+        items: [&Rows<Item>; 2],
+        z: u32,
+    ) -> io::Result<()> {
+        let Self { view, space, extent, lights } = *self;
+        let height = extent.height - usize::from(view.cells().is_some());
+        mesher.layer(samples, &mut Layer { view, space, items, lights, at: (0, 0) }, height, z)
+    }
+
     /// Makes triangles of the slices that `sweep` sends; returns none if `sweep` fails or returns `None`.
     ///
     /// # Errors
     /// The error of `sweep`; then errors of [`Mesher::layer`], or the thread does not start.
-    pub(super) fn mesh<E: From<io::Error>>(
-        self,
+    pub(super) fn mesh<T, E: From<io::Error>>(
+        &self,
         mesher: Mesher<'_>,
-        lights: Option<Lights>,
-        sweep: impl FnOnce(Slices) -> Result<Option<()>, E>,
+        sweep: impl FnOnce(Slices) -> Result<Option<T>, E>,
     ) -> Result<Option<Surface>, E> {
         scope(|scope| {
             let (to, slices) = sync_channel(WAITING);
             let (back, spares) = channel();
-            let made = Builder::new().spawn_scoped(scope, move || {
-                self.layers(mesher, lights, &slices, |spare| back.send(spare))
-            })?;
+            let made = Builder::new()
+                .spawn_scoped(scope, move || self.layers(mesher, &slices, |spare| back.send(spare)))?;
             let swept = sweep(Slices { extent: self.extent, to, spares });
             let made = made.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            match swept? {
-                Some(()) => Ok(Some(made?)),
-                None => Ok(None),
-            }
+            swept?.map(|_| made.map_err(E::from)).transpose()
         })
     }
 
     fn layers<T>(
-        self,
+        &self,
         mut mesher: Mesher<'_>,
-        lights: Option<Lights>,
         slices: &Receiver<Slice>,
         done: impl Fn(Slice) -> T,
     ) -> io::Result<Surface> {
-        let Self { view, space, extent } = self;
-        let is_cells = view.cells().is_some();
-        let height = if is_cells { extent.height - 1 } else { extent.height };
         let Ok(mut before) = slices.recv() else { return Ok(mesher.finish()) };
         for (slice, z) in slices.iter().zip(1..) {
-            let items = [if is_cells { &slice.items } else { &before.items }, &slice.items];
-            let mut layer = Layer { view, space, items, lights: lights.as_ref(), at: (0, 0) };
-            mesher.layer([&before.samples, &slice.samples], &mut layer, height, z)?;
+            let below = if self.view.cells().is_some() { &slice.items } else { &before.items };
+            self.layer(&mut mesher, [&before.samples, &slice.samples], [below, &slice.items], z)?;
             done(std::mem::replace(&mut before, slice));
         }
         Ok(mesher.finish())

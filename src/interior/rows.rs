@@ -49,14 +49,9 @@ impl<T> Rows<T> {
         &mut self.items
     }
 
-    /// Index of the first item of the row that is being filled.
-    fn open_row(&self) -> usize {
-        self.ends.last().copied().unwrap_or(0)
-    }
-
     /// The items of the row that was ended last, and of the row that is being filled.
     pub(crate) fn last_and_open(&mut self) -> (&[T], &mut [T]) {
-        let open = self.open_row();
+        let open = self.ends.last().copied().unwrap_or(0);
         let start = self.ends.len().checked_sub(2).and_then(|before| self.ends.get(before)).copied();
         let (done, filled) = self.items.split_at_mut(open);
         (done.get(start.unwrap_or(0)..).unwrap_or_default(), filled)

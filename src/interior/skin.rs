@@ -97,20 +97,14 @@ impl Leaf {
     fn reach(&self, axis: usize, high: bool) -> Option<u32> {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let crossed = |along: u32| {
-            (0..self.edge).any(|j| {
-                (0..self.edge).any(|i| {
-                    let mut at = [along; 3];
-                    (at[u], at[v]) = (i, j);
-                    self.cell(at).is_crossed()
-                })
+            (0..self.edge * self.edge).any(|place| {
+                let mut at = [along; 3];
+                (at[u], at[v]) = (place % self.edge, place / self.edge);
+                self.cell(at).is_crossed()
             })
         };
-        let found = if high {
-            (0..self.edge).rev().find(|c| crossed(*c))
-        } else {
-            (0..self.edge).find(|c| crossed(*c))
-        };
-        found.map(|c| self.low[axis] + c)
+        let mut from_side = (0..self.edge).map(|c| if high { self.edge - 1 - c } else { c });
+        from_side.find(|c| crossed(*c)).map(|c| self.low[axis] + c)
     }
 }
 
@@ -145,11 +139,8 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
         }
         if view.is_leaf(number.node()) {
             let leaf = Leaf::of(view, number.node(), corner, level);
-            let found = leaf.reach(axis, high);
-            best = match (best, found) {
-                (Some(best), Some(found)) => Some(if high { best.max(found) } else { best.min(found) }),
-                (best, found) => best.or(found),
-            };
+            let farther = if high { u32::max } else { u32::min };
+            best = best.into_iter().chain(leaf.reach(axis, high)).reduce(farther);
             continue;
         }
         visits += 1;

@@ -52,6 +52,8 @@ struct Component {
 pub(crate) struct ComponentSides {
     parents: Vec<u32>,
     sides: Vec<Option<Side>>,
+    /// Undecided voxels.
+    pub(crate) unknown: u64,
 }
 
 impl ComponentSides {
@@ -88,16 +90,6 @@ impl ComponentSides {
     }
 }
 
-/// Use of fates by a sweep.
-enum History {
-    /// No fates.
-    Forgotten,
-    /// Fates to be written.
-    Kept(ComponentSides),
-    /// Fates of an earlier sweep, to be read.
-    Known(ComponentSides),
-}
-
 /// Follows the components from slice to slice; components that end only leave their numbers of voxels.
 pub(crate) struct Sweep {
     low: [u32; 2],
@@ -107,7 +99,10 @@ pub(crate) struct Sweep {
     before: Slice,
     components: Vec<Component>,
     names: u32,
-    history: History,
+    /// Fates that are written.
+    kept: Option<ComponentSides>,
+    /// Fates of an earlier sweep, which are read.
+    known: Option<ComponentSides>,
     found: Enclosed,
     begun: bool,
 }
@@ -123,7 +118,8 @@ impl Sweep {
             before: Slice::default(),
             components: Vec::new(),
             names: 0,
-            history: History::Forgotten,
+            kept: None,
+            known: None,
             found: Enclosed::default(),
             begun: false,
         }
@@ -131,17 +127,17 @@ impl Sweep {
 
     /// The sweep, keeping the fate of every component.
     pub(crate) fn keeping_fates(self) -> Self {
-        Self { history: History::Kept(ComponentSides::default()), ..self }
+        Self { kept: Some(ComponentSides::default()), ..self }
     }
 
     /// The sweep, with the fate of every component known.
     pub(crate) fn knowing(self, fates: ComponentSides) -> Self {
-        Self { history: History::Known(fates), ..self }
+        Self { known: Some(fates), ..self }
     }
 
     /// Side of a run, if the fates are known.
     pub(crate) fn side(&self, run: Run) -> Side {
-        let History::Known(fates) = &self.history else { return Side::Outside };
+        let Some(fates) = &self.known else { return Side::Outside };
         let name = self.components.get(run.component as usize).and_then(|component| component.name);
         let side = name.and_then(|name| fates.sides.get(name as usize).copied().flatten());
         side.unwrap_or(Side::Outside)
@@ -152,14 +148,10 @@ impl Sweep {
         &self.before
     }
 
-    /// True if the latest slice has no skin: then all of it is outside.
-    fn is_void(&self) -> bool {
-        self.before.skin.is_empty()
-    }
-
     /// Takes the next slice, its skin in rows. An empty one behind another costs nothing.
     pub(crate) fn slice(&mut self, view: &ModelView<'_>, skin: &[SkinVoxel]) {
-        if skin.is_empty() && self.begun && self.is_void() {
+        // A slice without skin is all outside.
+        if skin.is_empty() && self.begun && self.before.skin.is_empty() {
             return;
         }
         let mut slice = Slice::default();
@@ -210,7 +202,7 @@ impl Sweep {
                 for other in others[*at..].iter().take_while(|other| other.start < run.end) {
                     component = Some(match component {
                         None => root(&mut self.components, other.component),
-                        Some(known) => join(&mut self.components, &mut self.history, known, other.component),
+                        Some(known) => join(&mut self.components, &mut self.kept, known, other.component),
                     });
                 }
             }
@@ -269,7 +261,7 @@ impl Sweep {
         }
         for (at, component) in self.components.iter().enumerate() {
             if numbers[at] == u32::MAX && component.parent as usize == at {
-                self.found.add(component, &mut self.history);
+                self.found.add(component, &mut self.kept);
             }
         }
         self.components = kept;
@@ -278,7 +270,7 @@ impl Sweep {
     fn new_name(&mut self) -> Option<u32> {
         let name = self.names;
         self.names = self.names.saturating_add(1);
-        if let History::Kept(fates) = &mut self.history {
+        if let Some(fates) = &mut self.kept {
             fates.parents.push(name);
             fates.sides.push(None);
         }
@@ -287,23 +279,16 @@ impl Sweep {
 
     /// The counts after the last slice; and the fates, if they were kept.
     pub(crate) fn finish(mut self) -> (Enclosed, ComponentSides) {
-        for (at, component) in self.components.iter().enumerate() {
-            if component.parent as usize == at {
-                self.found.add(component, &mut self.history);
-            }
-        }
-        match self.history {
-            History::Kept(mut fates) => {
-                fates.flatten();
-                (self.found, fates)
-            }
-            _ => (self.found, ComponentSides::default()),
-        }
+        self.settle(&mut Slice::default());
+        let mut fates = self.kept.unwrap_or_default();
+        fates.flatten();
+        fates.unknown = self.found.unknown;
+        (self.found, fates)
     }
 }
 
 impl Enclosed {
-    fn add(&mut self, component: &Component, history: &mut History) {
+    fn add(&mut self, component: &Component, kept: &mut Option<ComponentSides>) {
         let Component { outer, toward, size, voxels, .. } = *component;
         let side = if outer {
             Side::Outside
@@ -318,7 +303,7 @@ impl Enclosed {
             // The better guess; without normals, enclosed components are taken as full.
             if toward > 0.0 { Side::Outside } else { Side::Inside }
         };
-        if let (History::Kept(fates), Some(name)) = (history, component.name) {
+        if let (Some(fates), Some(name)) = (kept, component.name) {
             fates.settle(name, side);
         }
     }
@@ -342,7 +327,7 @@ fn root(components: &mut [Component], mut at: u32) -> u32 {
 }
 
 /// Joins two components; the lower number stays.
-fn join(components: &mut [Component], history: &mut History, a: u32, b: u32) -> u32 {
+fn join(components: &mut [Component], kept: &mut Option<ComponentSides>, a: u32, b: u32) -> u32 {
     let (a, b) = (root(components, a), root(components, b));
     let (to, from) = (a.min(b), a.max(b));
     if to != from
@@ -355,7 +340,7 @@ fn join(components: &mut [Component], history: &mut History, a: u32, b: u32) -> 
         whole.size += part.size;
         whole.name = match (whole.name, part.name) {
             (Some(a), Some(b)) => {
-                if let History::Kept(fates) = history {
+                if let Some(fates) = kept {
                     fates.join(a, b);
                 }
                 Some(a.min(b))

@@ -5,7 +5,7 @@ mod labels;
 pub(super) use labels::with_labels;
 pub use labels::{LabelSurface, export_each};
 
-use std::io::{self, BufWriter};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -180,26 +180,21 @@ pub fn export(
     }
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
-    if request.form.is_page() {
+    if form.is_page() {
         return export_page(input, output, request, progress);
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
-    if (request.form.has_triangles() || request.form.is_mask()) && !model.frame().labels.is_empty() {
+    if (form.has_triangles() || form.is_mask()) && !model.frame().labels.is_empty() {
         return labels::export_labels(input, output, &model, request, progress);
     }
     if request.smooth.is_some() {
         return Err(one_surface(input).into());
     }
     let out = AtomicFile::create(output).map_err(unwritable)?;
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let view = model.view();
-    let give_back = || model.give_back();
-    let exporter = exporter_of(&model, &view, &space, request, &give_back);
-    let made = exporter
-        .write(request.form, out.file(), folder_of(output), progress)
-        .map_err(|stop| failed(stop, &model, input, output))?;
-    model.check_unchanged(input)?;
+    let made = exported(&model, [input, output], request, |exporter| {
+        exporter.write(form, out.file(), folder_of(output), progress)
+    })?;
     let bytes = commit(out, output, progress)?;
     Ok(report([input, output], request, &model, (made, bytes, Vec::new()), start))
 }
@@ -262,6 +257,13 @@ fn report(
 ) -> ExportReport {
     let form = request.form;
     let is_far = form.has_coordinates() && is_far(&model.affine(), model.dims());
+    let mut warnings: Vec<String> = unknown_inside(made.unknown).into_iter().collect();
+    if is_far {
+        warnings.push(
+            "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel".into(),
+        );
+    }
+    warnings.extend(shortfalls(request, &made, surfaces.len()));
     ExportReport {
         input: data(input),
         output: data(output),
@@ -280,7 +282,7 @@ fn report(
         is_of_volume: has_values(model.metadata()),
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
-        warnings: warnings(made.unknown, is_far).chain(shortfalls(request, &made, surfaces.len())).collect(),
+        warnings,
         surfaces,
         is_far,
         apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| !form.is_page()),
@@ -297,10 +299,15 @@ fn refuse_part<D: AsRef<[u8]>>(
     request: ExportRequest<'_>,
 ) -> Result<(), Error> {
     labels::wanted(model, input, request)?;
-    match (request.needs_inside(), model.metadata().seen_from()) {
-        (true, Some(seen_from)) => Err(keeps_part(seen_from, input).into()),
-        _ => Ok(()),
+    if request.needs_inside() {
+        refuse_seen(model, input)?;
     }
+    Ok(())
+}
+
+/// Refuses a model that keeps only what can be seen.
+pub(super) fn refuse_seen<D: AsRef<[u8]>>(model: &Model<D>, path: &Path) -> Result<(), Fault> {
+    model.metadata().seen_from().map_or(Ok(()), |seen_from| Err(keeps_part(seen_from, path)))
 }
 
 /// A model without labels, where surfaces of labels are asked for.
@@ -319,7 +326,25 @@ pub(super) fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     }
 }
 
-pub(super) fn exporter_of<'a, D: AsRef<[u8]>>(
+/// The result of `work` with an exporter of the model at `input`.
+///
+/// # Errors
+/// Errors of `work`, and a file that was changed meanwhile.
+pub(super) fn exported<T>(
+    model: &Model,
+    [input, output]: [&Path; 2],
+    request: ExportRequest<'_>,
+    work: impl FnOnce(&Exporter<'_>) -> Result<T, ExportStop>,
+) -> Result<T, Error> {
+    let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine())?);
+    let give_back = || model.give_back();
+    let made = work(&exporter_of(model, &view, &space, request, &give_back));
+    let made = made.map_err(|stop| failed(stop, model, input, output))?;
+    model.check_unchanged(input)?;
+    Ok(made)
+}
+
+fn exporter_of<'a, D: AsRef<[u8]>>(
     model: &'a Model<D>,
     view: &'a ModelView<'a>,
     space: &'a GridSpace,
@@ -331,7 +356,7 @@ pub(super) fn exporter_of<'a, D: AsRef<[u8]>>(
         dims: model.dims(),
         affine: model.affine(),
         space,
-        skin_only: request.skin_only,
+        skin_only: request.skin_only && request.form.is_mask(),
         error_mm: request.error.map(|error| error.mm(model.affine().spacing_mm())).filter(|mm| *mm > 0.0),
         triangles: request.triangles,
         give_back,
@@ -345,15 +370,20 @@ fn folder_of(output: &Path) -> &Path {
 
 /// The error of a failed export.
 pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
-    match stop {
+    stopped(stop, [output; 2], || {
         // A full check names the fault.
-        ExportStop::Damaged => {
-            let changed = model.check_unchanged(input).map_err(Error::from);
-            changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
-        }
-        ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => usage!("{fault}").at(output).into(),
-            None => Error::Output { path: output.to_path_buf(), cause },
+        let changed = model.check_unchanged(input).map_err(Error::from);
+        changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
+    })
+}
+
+/// The error of an export that stopped: of what the format cannot hold at the first path, and of the disk at the second.
+fn stopped(stop: ExportStop, [path, output]: [&Path; 2], damage: impl FnOnce() -> Error) -> Error {
+    match stop {
+        ExportStop::Damaged => damage(),
+        ExportStop::Output(cause) => match cause.downcast::<ExportFault>() {
+            Ok(fault) => usage!("{fault}").at(path).into(),
+            Err(cause) => Error::Output { path: output.to_path_buf(), cause },
         },
         ExportStop::Stopped => Error::Stopped,
     }
@@ -412,14 +442,13 @@ fn export_page(
         );
         return Err(fault.at(input).into());
     }
-    let (dims, affine) = (model.dims(), model.affine());
     let wanted = labels::wanted(&model, input, request)?;
     let hidden = model.frame().labels.iter().zip(wanted).filter(|(_, is_wanted)| !is_wanted);
     let hidden: Vec<u16> = hidden.map(|(label, _)| label.number).collect();
     let picture = still(&model, STILL, request.labels, progress)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
-    let space = GridSpace::new(dims, &affine)?;
+    let space = GridSpace::new(model.dims(), &model.affine())?;
     progress.stage("page", 1);
     let name = input.file_name().map(|name| data(Path::new(name)));
     let (what, way) = match form {
@@ -471,25 +500,19 @@ pub(crate) fn triangles_of<D: AsRef<[u8]> + Sync>(
     refuse_part(model, path, asked)?;
     let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine())?);
     let exporter = exporter_of(model, &view, &space, request, &|| {});
-    let fault = |stop| match stop {
-        // Checking all of it says what is wrong.
-        ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(path).into()),
-        ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => usage!("{fault}").at(path).into(),
-            None => Error::Output { path: std::env::temp_dir(), cause },
-        },
-        ExportStop::Stopped => Error::Stopped,
-    };
+    let scratch = std::env::temp_dir();
+    // Checking all of it says what is wrong.
+    let damage = || verify(model).err().map_or(Error::Internal, |fault| fault.at(path).into());
     let wanted = labels::wanted(model, path, asked)?;
     let mesh = || {
         if request.labels.is_empty() {
             return exporter.triangles(progress);
         }
         let all = &model.frame().labels;
-        let labels = exporter.label_mesh(all, &wanted, MAX_SMOOTH, &std::env::temp_dir(), progress)?;
+        let labels = exporter.label_mesh(all, &wanted, MAX_SMOOTH, &scratch, progress)?;
         Ok((labels.in_memory()?, labels.distance_mm()))
     };
-    model.unchanged_during(|| mesh().map_err(fault))
+    model.unchanged_during(|| mesh().map_err(|stop| stopped(stop, [path, &scratch], damage)))
 }
 
 /// True if a step of 32-bit numbers, at the corner farthest from the origin, is more than 1/128 of a voxel.
@@ -501,17 +524,6 @@ fn is_far(affine: &Affine, dims: Dims) -> bool {
     let farthest = (0..8).flat_map(corner).map(f64::abs).fold(0.0, f64::max);
     let least = affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     farthest * f64::from(f32::EPSILON) > least / 128.0
-}
-
-fn fault_of(cause: &io::Error) -> Option<ExportFault> {
-    cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
-}
-
-/// Oddities in sentences.
-fn warnings(unknown_voxels: u64, is_far: bool) -> impl Iterator<Item = String> {
-    let far =
-        "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
-    unknown_inside(unknown_voxels).into_iter().chain(is_far.then(|| far.to_owned()))
 }
 
 /// The warning of enclosed boxes that may be inside or outside.

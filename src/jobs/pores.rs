@@ -13,20 +13,19 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::cell_volume::CellVolume;
-use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
+use super::export::{ExportRequest, commit, exported, refuse_input, refuse_seen, unknown_inside};
 use super::measure::wall_areas;
 use super::open_model::{open_model, refuse_larger_leaves, scratch_beside};
 use super::verify::verify_unless_packed;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
-use crate::error::{Error, keeps_part};
+use crate::error::Error;
 use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
 use crate::fault::usage;
 use crate::geom::Affine;
 use crate::load::{Model, ModelView, NodeView};
 use crate::measure::nearest::Surface;
 use crate::progress::Progress;
-use crate::render::GridSpace;
 use crate::text::names::SURFACE;
 use crate::text::{Count, Rounded, Short, data, shown};
 
@@ -182,9 +181,6 @@ pub fn pores(
     let waiting = request.gap.then(scratch).transpose()?;
     let notes = request.gap.then(scratch).transpose()?;
     let rows = table.and(waiting.as_ref().or(out.as_ref().map(AtomicFile::file)));
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let give_back = || model.give_back();
-    let exporter = exporter_of(&model, &view, &space, ExportRequest::of(ExportForm::Nrrd), &give_back);
     let geometry = Geometry::of(&model.affine());
     let is_labelled = !model.frame().labels.is_empty();
     let begin = |frame| Found::begin(frame, request, is_labelled, [rows, notes.as_ref()]);
@@ -196,9 +192,9 @@ pub fn pores(
         }
         done.iter().try_for_each(|component| found.take(component, &geometry))
     };
-    let (mut found, unknown) = exporter
-        .regions(is_labelled, progress, &begin, &work)
-        .map_err(|stop| failed(stop, &model, input, table.unwrap_or(input)))?;
+    let (paths, form) = ([input, table.unwrap_or(input)], ExportRequest::of(ExportForm::Nrrd));
+    let (mut found, unknown) =
+        exported(&model, paths, form, |exporter| exporter.regions(is_labelled, progress, &begin, &work))?;
     let solid = found.components.solid;
     let rest = found.components.finish();
     rest.iter().try_for_each(|component| found.take(component, &geometry)).map_err(unwritable)?;
@@ -244,6 +240,14 @@ fn surface_of<'a>(model: &Model, view: &'a ModelView<'a>, input: &Path) -> Resul
     Ok(Surface::open(view, &model.affine(), model.dims()).map_err(|fault| fault.at(input))?)
 }
 
+/// A writer of a file, which is emptied.
+fn emptied(file: &File) -> io::Result<BufWriter<File>> {
+    let mut file = file.try_clone()?;
+    file.set_len(0)?;
+    file.rewind()?;
+    Ok(BufWriter::new(file))
+}
+
 /// Copies a table with one more column.
 fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> io::Result<()> {
     rows.rewind()?;
@@ -260,9 +264,7 @@ fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> i
 
 /// Refuses a model whose inside is not known.
 fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
-    if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(keeps_part(seen_from, input).into());
-    }
+    refuse_seen(model, input)?;
     if model.view().cells().is_none() {
         let fault =
             usage!("is a skin of voxels, which is too coarse to measure; build it with {SURFACE} cells");
@@ -371,12 +373,9 @@ impl Found {
     ) -> io::Result<Self> {
         let sought = if request.bodies { Sought::Bodies } else { Sought::Pores };
         let begun = |out: &File| {
-            let mut file = out.try_clone()?;
-            file.set_len(0)?;
-            file.rewind()?;
-            let mut file = BufWriter::new(file);
-            writeln!(file, "{COLUMNS}")?;
-            io::Result::Ok(file)
+            let mut out = emptied(out)?;
+            writeln!(out, "{COLUMNS}")?;
+            io::Result::Ok(out)
         };
         Ok(Self {
             components: Components::new(sought, frame, request.gap),
@@ -388,7 +387,7 @@ impl Found {
             below_resolution: 0,
             below_least: 0,
             largest: Vec::new(),
-            notes: notes.map(|file| Notes::new(file.try_clone()?)).transpose()?,
+            notes: notes.map(|file| emptied(file).map(Notes)).transpose()?,
             ends: Vec::new(),
         })
     }
@@ -421,10 +420,8 @@ impl PoresReport {
     /// Report for people.
     pub fn text(&self) -> String {
         let mut text = self.head();
-        let columns = ["no.", "volume mm3", "diameter mm", "sphericity", "at x, y, z mm (LPS)"];
         if !self.largest.is_empty() {
-            let [no, volume, diameter, sphericity, at] = columns;
-            let _ = writeln!(text, "  {no:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {at}");
+            text += "     no.    volume mm3   diameter mm  sphericity  at x, y, z mm (LPS)\n";
         }
         for pore in self.largest.iter().take(SHOWN) {
             let [x, y, z] = pore.at_mm.map(|c| Short(c).to_string());
@@ -447,36 +444,26 @@ impl PoresReport {
     }
 
     fn head(&self) -> String {
-        let input = shown(&self.input);
-        let solid = Rounded(self.solid_volume_mm3);
-        let small = |what| {
-            let mut text = String::new();
-            if self.below_resolution > 0 {
-                let (below, mm) = (Count(self.below_resolution, what), Rounded(self.resolved_mm));
-                let _ = writeln!(
-                    text,
-                    "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
-                );
+        let (input, solid) = (shown(&self.input), Rounded(self.solid_volume_mm3));
+        let noun = if self.bodies.is_some() { "body" } else { "pore" };
+        let mut text = match (self.pores, self.pore_volume_mm3) {
+            (Some(pores), Some(volume)) => {
+                let [volume, percent] = [volume, 100.0 * self.porosity.unwrap_or(0.0)].map(Rounded);
+                let pores = Count(pores, noun);
+                format!("{input}: {pores}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n")
             }
-            if self.below_least > 0 {
-                let _ = writeln!(text, "  {} of fewer voxels left out", Count(self.below_least, what));
-            }
-            text
+            _ => format!("{input}: {}, {solid} mm3\n", Count(self.bodies.unwrap_or(0), noun)),
         };
-        match (self.pores, self.porosity, self.pore_volume_mm3) {
-            (Some(pores), porosity, Some(volume)) => {
-                let percent = Rounded(100.0 * porosity.unwrap_or(0.0));
-                let volume = Rounded(volume);
-                format!(
-                    "{input}: {}, {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
-                    Count(pores, "pore"),
-                    small("pore")
-                )
-            }
-            _ => {
-                let bodies = Count(self.bodies.unwrap_or(0), "body");
-                format!("{input}: {bodies}, {solid} mm3\n{}", small("body"))
-            }
+        if self.below_resolution > 0 {
+            let (below, mm) = (Count(self.below_resolution, noun), Rounded(self.resolved_mm));
+            let _ = writeln!(
+                text,
+                "  {below} of a diameter below {mm} mm, three voxels along their longest side: of uncertain size"
+            );
         }
+        if self.below_least > 0 {
+            let _ = writeln!(text, "  {} of fewer voxels left out", Count(self.below_least, noun));
+        }
+        text
     }
 }

@@ -274,15 +274,4 @@ mod tests {
         }
         assert_eq!(name(&[0.0, 0.0, -1.0, 0.1, 0.0, 0.0]), "rotation about (0.00, 0.00, 1.00)");
     }
-
-    #[test]
-    fn turns_keep_lengths_and_right_angles() {
-        let rows = turn([0.3, -0.2, 0.5]);
-        for i in 0..3 {
-            for j in 0..3 {
-                assert!((dot(rows[i], rows[j]) - f64::from(u8::from(i == j))).abs() < 1e-15);
-            }
-        }
-        assert!((turn([0.0, 0.0, 0.5])[1][0] - 0.5_f64.sin()).abs() < 1e-15);
-    }
 }

@@ -29,6 +29,12 @@ pub(crate) struct PlaceOut {
 }
 
 impl PlaceOut {
+    /// A single cell, ranked by the size of its value.
+    pub(crate) fn of_cell(number: u64, value: f64, at: [f64; 3], area: f64) -> Self {
+        let (rank, range) = (value.abs(), [at; 2]);
+        Self { rank, number, value, at, is_apart: false, u95: None, cells: 1, area, range }
+    }
+
     fn join(&mut self, other: &Self) {
         if other.rank > self.rank || other.rank == self.rank && other.number < self.number {
             (self.rank, self.number, self.value, self.at) = (other.rank, other.number, other.value, other.at);
@@ -98,18 +104,7 @@ mod tests {
     use super::*;
 
     fn one(number: u64, value: f64) -> PlaceOut {
-        let at = [value; 3];
-        PlaceOut {
-            rank: value.abs(),
-            number,
-            value,
-            at,
-            is_apart: false,
-            u95: None,
-            cells: 1,
-            area: 2.0,
-            range: [at, at],
-        }
+        PlaceOut::of_cell(number, value, [value; 3], 2.0)
     }
 
     #[test]

@@ -63,11 +63,10 @@ impl<'a> Uncertainty<'a> {
         Some(Self { items, noise, sigma, spacing_mm: model.metadata().spacing_mm, least })
     }
 
-    /// Standard deviation of a cell's place along its normal by noise, in mm; `None` where it is unknown.
-    fn noise_mm(&self, shape: &CellShape, number: u8) -> Option<f64> {
-        (number > 0).then_some(())?;
-        let gain = self.gain(shape)?;
-        Some(gain * self.sigma / steepness(&self.noise, number).max(self.least))
+    /// Steepness at a cell, as far as it is believed; `None` where it is unknown.
+    fn steepness(&self, cell: VoxelIndex) -> Option<f64> {
+        let number = *self.items.get(cell.index()?)?;
+        (number > 0).then(|| steepness(&self.noise, number).max(self.least))
     }
 
     /// Standard deviation of a plane's place by the interpolation, in mm, for a unit normal of index axes in mm.
@@ -80,15 +79,14 @@ impl<'a> Uncertainty<'a> {
 
     /// How far a cell moves along its normal where the threshold rises by one unit, in mm; `None` where it is unknown.
     pub(crate) fn shift_mm(&self, cell: VoxelIndex) -> Option<f64> {
-        let number = *self.items.get(cell.index()?)?;
-        (number > 0).then(|| 1.0 / steepness(&self.noise, number).max(self.least))
+        self.steepness(cell).map(|steepness| 1.0 / steepness)
     }
 
     /// Squares of the standard deviations of a cell's place along its normal by noise and by the interpolation, in mm2;
     /// `None` where they are unknown: at edges and at the border of the volume. `view` is the model's.
     pub(crate) fn squares_mm2(&self, view: &ModelView<'_>, cell: VoxelIndex) -> Option<[f64; 2]> {
-        let number = *self.items.get(cell.index()?)?;
-        let noise = self.noise_mm(&view.cells()?.shape(cell.get()), number)?;
+        let steepness = self.steepness(cell)?;
+        let noise = self.gain(&view.cells()?.shape(cell.get()))? * self.sigma / steepness;
         let normal = view.voxel_direction(cell)?;
         let along: [f64; 3] = std::array::from_fn(|a| f64::from(normal[a]) / self.spacing_mm[a]);
         let length = along.iter().map(|c| c * c).sum::<f64>().sqrt();

@@ -13,3 +13,8 @@ mod whole;
 
 pub(super) use sheets::Surface;
 pub(super) use whole::{Goal, Whole, reduce};
+
+/// A number of corners, of triangles or of nodes; `u32::MAX` beyond that.
+fn number(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}

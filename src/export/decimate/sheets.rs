@@ -6,6 +6,8 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::number;
+use crate::export::bodies::root;
 use crate::geom::{add_scaled, cross, dot};
 
 /// How often pairs are exchanged, or corners moved.
@@ -31,17 +33,8 @@ impl UnionFind {
         Self((0..).take(count).collect())
     }
 
-    fn root(&mut self, mut number: u32) -> u32 {
-        while self.0[number as usize] != number {
-            let above = self.0[self.0[number as usize] as usize];
-            self.0[number as usize] = above;
-            number = above;
-        }
-        number
-    }
-
     fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
+        let [a, b] = [a, b].map(|number| root(&mut self.0, number));
         self.0[a.max(b) as usize] = a.min(b);
     }
 
@@ -89,7 +82,7 @@ impl Surface {
             let old = *corner;
             *corner = *news[old as usize].get_or_insert_with(|| {
                 kept.push(old as usize);
-                u32::try_from(kept.len() - 1).unwrap_or(u32::MAX)
+                number(kept.len() - 1)
             });
         }
         self.at = kept.iter().map(|old| self.at[*old]).collect();
@@ -206,7 +199,7 @@ impl Surface {
         if height > 0.0 {
             corners.swap(0, 1);
         }
-        let first = u32::try_from(self.at.len()).unwrap_or(NONE);
+        let first = number(self.at.len());
         self.at.extend(corners.map(|corner| other.at[corner as usize]));
         self.olds.extend(corners);
         let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
@@ -256,7 +249,7 @@ impl Surface {
             if *new == NONE {
                 *new = *corner;
                 if std::mem::replace(&mut is_taken[*corner as usize], true) {
-                    *new = u32::try_from(self.at.len()).unwrap_or(NONE);
+                    *new = number(self.at.len());
                     self.at.push(self.at[*corner as usize]);
                     self.olds.push(self.olds[*corner as usize]);
                 }
@@ -421,7 +414,7 @@ fn exchange(partners: &mut [u32], crowded: &[Vec<u32>], fans: &[u32]) -> bool {
             partners.swap(one, other);
             for edge in [one, other] {
                 if let Some(back) = partners.get_mut(partners[edge] as usize) {
-                    *back = u32::try_from(edge).unwrap_or(NONE);
+                    *back = number(edge);
                 }
             }
         }

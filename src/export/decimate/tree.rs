@@ -1,5 +1,6 @@
 //! How far a point is from triangles: a tree of boxes around them.
 
+use super::number;
 use crate::geom::{Nearest, add_scaled, dot, nearest_on_triangle};
 
 /// Most triangles of a leaf.
@@ -90,10 +91,6 @@ impl Query {
 
 /// Part by which a squared distance in single precision may be too great.
 const LAST_BITS: f64 = 1.0 + 1e-6;
-
-fn number(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(NO_HALF)
-}
 
 impl Tree {
     pub(super) fn new(mut triangles: Vec<[[f32; 3]; 3]>) -> Self {
@@ -204,14 +201,12 @@ fn split(nodes: &mut Vec<Node>, triangles: &mut [[[f32; 3]; 3]], first: usize, m
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn distances_are_those_of_all_triangles() {
-        let mut state = 5_u32;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32 * 10.0
-        };
+        let mut random = Random(5);
+        let mut next = || random.below(1_u32 << 24) as f32 / (1 << 24) as f32 * 10.0;
         for count in [0, 1, 5, 300] {
             let triangles: Vec<[[f32; 3]; 3]> =
                 (0..count).map(|_| std::array::from_fn(|_| std::array::from_fn(|_| next()))).collect();

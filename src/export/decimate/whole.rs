@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use meshopt::{SimplifyOptions, SimplifyVertex};
 use rayon::prelude::*;
 
+use super::number;
 use super::sheets::Surface;
 use super::tree::Tree;
 use crate::export::Exported;
@@ -86,8 +87,8 @@ pub(in crate::export) struct Apart {
 
 /// A surface in memory; what is behind `slab` corners and triangles has not been reduced yet.
 pub(in crate::export) struct Whole<'a> {
-    vertices: Vec<Vertex>,
-    faces: Vec<[u32; 3]>,
+    pub(in crate::export) vertices: Vec<Vertex>,
+    pub(in crate::export) faces: Vec<[u32; 3]>,
     slab: [usize; 2],
     /// Triangles of a slab.
     most: usize,
@@ -193,10 +194,6 @@ impl<'a> Whole<'a> {
         }
         Ok(())
     }
-}
-
-fn number(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
 }
 
 /// Most corners whose distances make up the root mean square.
@@ -363,8 +360,7 @@ impl Reducer<'_> {
             if self.progress.stopped() {
                 break;
             }
-            let (at, faces, olds) = (fine.at.clone(), fine.faces.clone(), fine.olds.clone());
-            let mut few = Surface { at, faces, olds };
+            let mut few = fine.clone();
             few.collapse(0, part * mm, &locks);
             if few.faces.len() == fine.faces.len() {
                 break;

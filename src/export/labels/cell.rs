@@ -6,7 +6,9 @@
 //! that line, moved towards its sample: so all labels see the same pairs, and every edge of each label has two
 //! polygons.
 
-use crate::export::cases::{Case, EDGES, NO_PATCH, edge_at, ends, face, joined, numbered, others};
+use crate::export::cases::{
+    Case, EDGES, NO_PATCH, all, edge_at, ends, face, is_ambiguous, joined, numbered, others,
+};
 use crate::format::CornerLabels;
 
 /// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where at most
@@ -34,18 +36,16 @@ pub(super) fn mask(corners: &CornerLabels, label: u16) -> u8 {
 }
 
 /// True for cases of one sheet without a face that could be joined in two ways.
+#[expect(clippy::cast_possible_truncation, reason = "256 cases")]
 static IS_PLAIN: [bool; 256] = {
-    let all = crate::export::cases::all();
+    let all = all();
     let mut plain = [false; 256];
     let mut case = 0;
     while case < 256 {
         let mut side = 0;
         let mut ambiguous = false;
         while side < 6 {
-            #[expect(clippy::cast_possible_truncation, reason = "256 cases")]
-            {
-                ambiguous |= crate::export::cases::is_ambiguous(case as u8, side / 2, side % 2);
-            }
+            ambiguous |= is_ambiguous(case as u8, side / 2, side % 2);
             side += 1;
         }
         plain[case] = all[case].patches == 1 && !ambiguous;

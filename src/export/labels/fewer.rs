@@ -6,7 +6,6 @@
 
 use std::path::Path;
 
-use super::OnePart;
 use super::parts::Parts;
 use crate::export::write::{Sink, Vertex};
 use crate::export::{ExportStop, Exported, Exporter};
@@ -48,7 +47,10 @@ impl Exporter<'_> {
                 fine.each_vertex(*part, |[at, normal]| whole.vertex(&Vertex { at, normal, light: [0; 3] }))?;
                 fine.each_triangle(*part, |corners| whole.triangle(corners, [[0.0; 3]; 3]))?;
                 let made = whole.reduce(Exported { triangles: most[at], ..Exported::default() })?;
-                whole.hand_on(&mut OnePart(&mut few, *part))?;
+                for Vertex { at, normal, .. } in &whole.vertices {
+                    few.vertex(*part, &[*at, *normal])?;
+                }
+                whole.faces.iter().try_for_each(|face| few.triangle(*part, *face))?;
                 let apart_mm = made.distance_mm.unwrap_or_default().max(MIN_APART * self.voxel_mm());
                 weights[at] = to_f64(made.triangles) * apart_mm;
                 sum.triangles += made.triangles;

@@ -241,16 +241,12 @@ impl<'a> Mesher<'a> {
     /// # Errors
     /// Errors of the disk, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
     pub(super) fn next(&mut self, cells: &Stored<'_>, z: u32) -> io::Result<()> {
-        self.begin(z);
-        self.here.cells.end_row();
-        self.rows_of(cells, z)?;
-        self.join(cells.height as usize, cells.width as usize, z)
-    }
-
-    fn begin(&mut self, z: u32) {
         std::mem::swap(&mut self.below, &mut self.here);
         self.here.clear();
         self.knots.retain(|((_, cell, _), _), _| cell[2] + 1 >= z);
+        self.here.cells.end_row();
+        self.rows_of(cells, z)?;
+        self.join(cells.height as usize, cells.width as usize, z)
     }
 
     /// Makes the vertices of a layer.

@@ -21,7 +21,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::boundary::Bounded;
-use super::mask::{Mask, MaskForm};
+use super::mask::Mask;
 use super::vertex_color::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter, Mesh};
@@ -96,24 +96,23 @@ impl Exporter<'_> {
         Ok(LabelMesh { parts, labels, part_of, made, normals: smooth > 0.0 })
     }
 
-    /// Writes the labels of all voxels that are among these, 0 for none, into an empty file.
+    /// Writes the labels of all voxels that are among these numbers, 0 for none, into an empty file.
     ///
     /// # Errors
     /// The model is damaged, the disk is full, or the format cannot hold so many voxels.
     pub(crate) fn label_map(
         &self,
-        labels: &[Label],
+        labels: &[u16],
         form: ExportForm,
-        out: File,
+        out: &File,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
         let mut shown = vec![0; NUMBERS];
-        labels.iter().for_each(|label| shown[usize::from(label.number)] = label.number);
-        let form = MaskForm::of(form).ok_or(ExportStop::Output(io::ErrorKind::Unsupported.into()))?;
+        labels.iter().for_each(|label| shown[usize::from(*label)] = *label);
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - 1);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
-        let mut mask = Mask::new(out, form, dims, &self.affine.starting_at([0.5; 3]), true)?;
+        let mut mask = Mask::new(out.try_clone()?, form, dims, &self.affine.starting_at([0.5; 3]), true)?;
         mask.empty_until(bounds[0][2])?;
         self.label_slices(bounds, progress, &mut |cells| {
             mask.label_slice(|y, row| {
@@ -213,11 +212,11 @@ impl LabelMesh {
     pub(crate) fn write(
         &self,
         form: ExportForm,
-        out: File,
+        out: &File,
         scratch: &Path,
         which: Range<usize>,
     ) -> Result<Exported, ExportStop> {
-        let heads = self.heads(which.clone())?;
+        let (out, heads) = (out.try_clone()?, self.heads(which.clone())?);
         let waiting = || scratch::unnamed(scratch);
         let sink: Box<dyn Output> = match form {
             ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), self.normals, true)?.with_labels()),
@@ -226,7 +225,7 @@ impl LabelMesh {
             ExportForm::ThreeMf => Box::new(ThreeMf::new(out, &heads, waiting()?)?),
             _ => Box::new(Stl::new(out)?),
         };
-        let (mut sink, lights) = (Bounded::new(sink), Lights::new());
+        let (mut sink, lights) = (Bounded::new(sink, None), Lights::new());
         let mut exported = Exported { vertices: 0, triangles: 0, ..self.made };
         for (part, head) in self.part_of[which].iter().zip(&heads) {
             sink.part(head)?;
@@ -245,19 +244,17 @@ impl LabelMesh {
         for (part, label) in self.part_of[which.clone()].iter().zip(&self.labels[which]) {
             let [vertices, triangles] = self.parts.counts(*part);
             let [low, high] = self.parts.bounds(*part);
-            let (name, color) = (part_name(label), label.color);
-            let of = counted(first)?;
-            first += vertices;
             heads.push(PartHead {
                 label: label.number,
-                name,
-                color,
+                name: part_name(label),
+                color: label.color,
                 vertices,
                 triangles,
                 low,
                 high,
-                first: of,
+                first: counted(first)?,
             });
+            first += vertices;
         }
         Ok(heads)
     }
@@ -276,19 +273,6 @@ impl LabelMesh {
             let at = corners.map(place);
             sink.triangle(corners.map(|corner| first + corner), at)
         })
-    }
-}
-
-/// A part that is filled.
-struct OnePart<'p>(&'p mut Parts, usize);
-
-impl Sink for OnePart<'_> {
-    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
-        self.0.vertex(self.1, &[vertex.at, vertex.normal]).map(|_| ())
-    }
-
-    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
-        self.0.triangle(self.1, corners)
     }
 }
 

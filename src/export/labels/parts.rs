@@ -92,8 +92,8 @@ impl Parts {
         mut work: impl FnMut(Point) -> io::Result<()>,
     ) -> io::Result<()> {
         self.each::<VERTEX>(2 * part, |record| {
-            let number = |at: usize| f32::from_le_bytes(std::array::from_fn(|i| record[4 * at + i]));
-            work([0, 3].map(|first| std::array::from_fn(|a| number(first + a))))
+            let point: [[[u8; 4]; 3]; 2] = bytemuck::cast(*record);
+            work(point.map(|numbers| numbers.map(f32::from_le_bytes)))
         })
     }
 
@@ -104,7 +104,7 @@ impl Parts {
         mut work: impl FnMut([u32; 3]) -> io::Result<()>,
     ) -> io::Result<()> {
         self.each::<TRIANGLE>(2 * part + 1, |record| {
-            work(std::array::from_fn(|k| u32::from_le_bytes(std::array::from_fn(|i| record[4 * k + i]))))
+            work(bytemuck::cast::<_, [[u8; 4]; 3]>(*record).map(u32::from_le_bytes))
         })
     }
 

@@ -67,6 +67,7 @@ pub(super) fn four_decimals(out: &mut Vec<u8>, number: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     fn text(write: impl Fn(&mut Vec<u8>)) -> String {
         let mut out = Vec::new();
@@ -76,14 +77,13 @@ mod tests {
 
     #[test]
     fn numbers_are_the_text_that_formatting_makes() {
-        let mut state = 5_u32;
+        let mut random = Random(5);
         let odd = [0.0, -0.0, 1.0, -1.5, 0.03125, 0.1, 16_777_216.0, 1e-7, 3.4e38, -9_999_999.5, 0.000_05];
-        let random = std::iter::repeat_with(|| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            let scale = [1e-6, 0.01, 1.0, 100.0, 1e5][(state >> 5) as usize % 5];
-            ((state >> 8) as f32 / 8_388_608.0 - 1.0) * scale
+        let numbers = std::iter::repeat_with(|| {
+            let scale = random.pick(&[1e-6, 0.01, 1.0, 100.0, 1e5]);
+            (random.below(1_u32 << 24) as f32 / 8_388_608.0 - 1.0) * scale
         });
-        for number in odd.into_iter().chain(random.take(20_000)) {
+        for number in odd.into_iter().chain(numbers.take(20_000)) {
             let shortest = text(|out| shortest(out, number));
             assert_eq!(shortest.parse::<f32>().unwrap().to_bits(), number.to_bits(), "{shortest}");
             assert!(shortest.len() <= number.to_string().len(), "{shortest} {number}");

@@ -29,6 +29,20 @@ pub(super) fn normal_of(vertex: &Vertex) -> [f32; 3] {
     if vertex.normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { vertex.normal }
 }
 
+/// Begins a file of so many bytes of JSON and of binary data.
+pub(super) fn begin(out: &mut impl Write, json: u64, data: u64) -> io::Result<()> {
+    out.write_all(b"glTF")?;
+    let numbers = [2, counted(12 + 8 + json + 8 + data)?, counted(json)?];
+    numbers.iter().try_for_each(|n| out.write_all(&n.to_le_bytes()))?;
+    out.write_all(b"JSON")
+}
+
+/// Begins the binary data, after the JSON.
+pub(super) fn begin_data(out: &mut impl Write, data: u64) -> io::Result<()> {
+    out.write_all(&counted(data)?.to_le_bytes())?;
+    out.write_all(b"BIN\0")
+}
+
 pub(in crate::export) struct Glb {
     out: BufWriter<File>,
     normals: Option<Waiting>,
@@ -150,7 +164,6 @@ impl Output for Glb {
         let Self { mut out, normals, colors, corners, vertices, triangles, .. } = *self;
         let vertex = 12 + if normals.is_some() { 12 } else { 0 } + if colors.is_some() { 8 } else { 0 };
         let data = vertex * vertices + 12 * triangles;
-        let whole = counted(HEAD_BYTES as u64 + data)?;
         if let Some(normals) = normals {
             normals.append_to(&mut out)?;
         }
@@ -159,16 +172,9 @@ impl Output for Glb {
         }
         corners.append_to(&mut out)?;
         out.seek(SeekFrom::Start(0))?;
-        let mut head = Vec::with_capacity(HEAD_BYTES);
-        head.extend(b"glTF");
-        [2, whole].iter().for_each(|n: &u32| head.extend(n.to_le_bytes()));
-        head.extend(counted(JSON_BYTES as u64)?.to_le_bytes());
-        head.extend(b"JSON");
-        head.extend(text.as_bytes());
-        head.resize(12 + 8 + JSON_BYTES, b' ');
-        head.extend(counted(data)?.to_le_bytes());
-        head.extend(b"BIN\0");
-        out.write_all(&head)?;
+        begin(&mut out, JSON_BYTES as u64, data)?;
+        write!(out, "{text:JSON_BYTES$}")?;
+        begin_data(&mut out, data)?;
         out.flush()
     }
 }

@@ -8,8 +8,8 @@ use std::io::{self, BufWriter, Write};
 
 use serde_json::{Value, json};
 
-use super::glb::{FLOAT, TO_METRES, UNSIGNED_INT, normal_of};
-use super::{Output, PartHead, Sink, Vertex, bytes_of, counted};
+use super::glb::{FLOAT, TO_METRES, UNSIGNED_INT, begin, begin_data, normal_of};
+use super::{Output, PartHead, Sink, Vertex, bytes_of};
 use crate::render::shade::linear;
 
 pub(in crate::export) struct GlbParts {
@@ -26,14 +26,10 @@ impl GlbParts {
         describe(parts, stride, data, &mut length)?;
         let padded = length.0.next_multiple_of(4);
         let mut out = BufWriter::with_capacity(1 << 18, out);
-        let whole = counted(12 + 8 + padded + 8 + data)?;
-        out.write_all(b"glTF")?;
-        [2, whole, counted(padded)?].iter().try_for_each(|n| out.write_all(&n.to_le_bytes()))?;
-        out.write_all(b"JSON")?;
+        begin(&mut out, padded, data)?;
         describe(parts, stride, data, &mut out)?;
         (length.0..padded).try_for_each(|_| out.write_all(b" "))?;
-        out.write_all(&counted(data)?.to_le_bytes())?;
-        out.write_all(b"BIN\0")?;
+        begin_data(&mut out, data)?;
         Ok(Self { out, normals, first: 0 })
     }
 }

@@ -8,14 +8,14 @@ mod subject;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::export::refuse_input;
+use super::export::{refuse_input, refuse_seen};
 use super::info::has_values;
 use super::open_model::refuse_larger_leaves;
 use super::pass::{PageRelief, Pass, Records};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::error::Error;
-use crate::fault::usage;
+use crate::fault::{Fault, usage};
 use crate::format::{ColorMap, Quantity, SelectionKind};
 use crate::geom::{Affine, dot};
 use crate::interior::extent;
@@ -128,9 +128,7 @@ pub fn compare(
     let finest = one.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;
     refuse_larger_leaves(&one.model, actual, "deviations are")?;
-    if let Some(seen_from) = other.model.metadata().seen_from() {
-        return Err(crate::error::keeps_part(seen_from, nominal).into());
-    }
+    refuse_seen(&other.model, nominal)?;
     let (one_view, other_view) = (one.model.solid_view(), other.model.solid_view());
     let models = [&one.model, &other.model];
     let job = Job {
@@ -178,21 +176,20 @@ fn measured<'a>(
 }
 
 impl CompareRequest {
-    fn check(&self) -> Result<(), Error> {
+    fn check(&self) -> Result<(), Fault> {
         if self.radius_mm.is_some_and(|radius| !(radius > 0.0 && radius.is_finite())) {
-            return Err(usage!("the radius must be above 0 mm").into());
+            return Err(usage!("the radius must be above 0 mm"));
         }
         if !(0.0..=180.0).contains(&self.angle_deg) {
-            return Err(usage!("the angle between normals must be 0 to 180 degrees").into());
+            return Err(usage!("the angle between normals must be 0 to 180 degrees"));
         }
         if self.threshold_sigma.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
-            return Err(usage!("the standard deviation of the threshold must be 0 or more").into());
+            return Err(usage!("the standard deviation of the threshold must be 0 or more"));
         }
         if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
             return Err(usage!(
                 "the tolerance must rise from its lower to its upper limit; a single number must be 0 or more"
-            )
-            .into());
+            ));
         }
         let columns = [0, 1, 2].map(|a| self.placement.column(a));
         let is_rigid = (0..3).all(|a| {
@@ -203,8 +200,7 @@ impl CompareRequest {
             return Err(usage!(
                 "the placement scales or shears, so that it would change what is measured; give one of lengths 1 and \
                  right angles"
-            )
-            .into());
+            ));
         }
         Ok(())
     }
@@ -323,20 +319,19 @@ impl Job<'_> {
             }
             area_mm2 += row.area_mm2;
             if row.is_unknown {
-                found.unknown.cells += 1;
-                found.unknown.area_mm2 += row.area_mm2;
+                found.unknown.add(row.area_mm2);
             } else if back.is_far(row.distance) {
                 let mm = row.value.unwrap_or_else(|| apart.signed_mm(row.at_mm));
                 // Within the actual model the nominal's surface is covered.
                 if mm > 0.0 {
                     found.lacks = true;
                     let there = Row { at_mm: rule.placement.apply(row.at_mm), ..*row };
-                    places.add(row.cell, &PlaceOut::apart(&there, mm));
+                    places.add(row.cell, &PlaceOut { is_apart: true, ..there.place(mm) });
                 }
             }
             Ok(())
         })?;
-        found.unknown.share = if area_mm2 > 0.0 { found.unknown.area_mm2 / area_mm2 } else { 0.0 };
+        found.unknown = found.unknown.of(area_mm2);
         found.distance_mm = farthest.distance_mm(&back, &self.other, &self.one);
         found.lacking = self.listed(places);
         Ok(found)
@@ -365,13 +360,11 @@ impl Job<'_> {
             if is_out {
                 let (row, _) = self.one.row(number, cell, &rule.placement);
                 if row.area_mm2 > 0.0 {
-                    places.add(
-                        cell,
-                        &match value.is_nan() {
-                            true => PlaceOut::apart(&row, apart.signed_mm(row.at_mm)),
-                            false => PlaceOut { is_apart: false, u95: known, ..PlaceOut::apart(&row, value) },
-                        },
-                    );
+                    let place = match value.is_nan() {
+                        true => PlaceOut { is_apart: true, ..row.place(apart.signed_mm(row.at_mm)) },
+                        false => PlaceOut { u95: known, ..row.place(value) },
+                    };
+                    places.add(cell, &place);
                 }
             }
             relief.step();
@@ -431,19 +424,17 @@ struct Found {
     border: u64,
     without: Area,
     area_mm2: f64,
-    /// Areas within the tolerance, beyond it, and so near its limits that the uncertainty does not decide, or without a
+    /// Cells within the tolerance, beyond it, and so near its limits that the uncertainty does not decide, or without a
     /// counterpart although some surface is near.
-    within_mm2: f64,
-    beyond_mm2: f64,
-    doubtful_mm2: f64,
-    /// Cells beyond it, doubtful ones, and doubtful ones at sharp edges.
-    beyond: u64,
-    doubtful: u64,
+    within: Area,
+    beyond: Area,
+    doubtful: Area,
+    /// Doubtful cells at sharp edges.
     edges: u64,
     /// Half the 95 % intervals, and sums by area of the squares that they are made of.
     intervals: Distribution,
     squares: [f64; 2],
-    known_mm2: f64,
+    known: Area,
     /// True if most cells have an interval, so that one without it is not beyond the tolerance for certain.
     has_intervals: bool,
     /// Sum by area of how far cells move where the threshold rises by one unit, and the area.
@@ -472,33 +463,24 @@ impl Found {
         }
         self.area_mm2 += row.area_mm2;
         let Some(value) = row.value else {
-            self.without.cells += 1;
-            self.without.area_mm2 += row.area_mm2;
-            if is_far {
-                self.beyond_mm2 += row.area_mm2;
-                self.beyond += 1;
-            } else {
-                self.doubtful_mm2 += row.area_mm2;
-                self.doubtful += 1;
-            }
-            return;
+            self.without.add(row.area_mm2);
+            let verdict = if is_far { &mut self.beyond } else { &mut self.doubtful };
+            return verdict.add(row.area_mm2);
         };
         self.distribution.add(value, row.area_mm2);
         if let (Some(squares), Some(u95)) = (row.squares, row.u95_mm()) {
             self.intervals.add(u95, row.area_mm2);
             self.squares = std::array::from_fn(|i| self.squares[i] + squares[i] * row.area_mm2);
-            self.known_mm2 += row.area_mm2;
+            self.known.add(row.area_mm2);
         }
         let Some([lo, hi]) = tolerance_mm else { return };
         let u = row.u95_mm().unwrap_or(0.0);
         if lo + u <= value && value <= hi - u {
-            self.within_mm2 += row.area_mm2;
+            self.within.add(row.area_mm2);
         } else if (value < lo - u || value > hi + u) && (row.squares.is_some() || !self.has_intervals) {
-            self.beyond_mm2 += row.area_mm2;
-            self.beyond += 1;
+            self.beyond.add(row.area_mm2);
         } else {
-            self.doubtful_mm2 += row.area_mm2;
-            self.doubtful += 1;
+            self.doubtful.add(row.area_mm2);
             self.edges += u64::from(row.is_edge);
         }
     }
@@ -514,18 +496,18 @@ impl Found {
         let lacks = lacks && job.request.tolerance_mm.is_some();
         if self.distribution.count() == 0 {
             // The models may be in different places.
-            (self.doubtful, self.doubtful_mm2) = (self.without.cells, self.without.area_mm2);
-            (self.beyond, self.beyond_mm2) = (0, 0.0);
+            (self.doubtful, self.beyond) = (self.without, Area::default());
         }
-        let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
-        self.without.share = share(self.without.area_mm2);
+        let [without, within, beyond, doubtful, known] =
+            [self.without, self.within, self.beyond, self.doubtful, self.known]
+                .map(|area| area.of(self.area_mm2));
         let tolerance = job.request.tolerance_mm.map(|[lo, hi]| Tolerance {
             lo,
             hi,
-            inside: share(self.within_mm2),
-            outside: share(self.beyond_mm2),
-            undecided: share(self.doubtful_mm2),
-            verdict: match (self.beyond, self.doubtful + unknown.cells, self.distribution.count()) {
+            inside: within.share,
+            outside: beyond.share,
+            undecided: doubtful.share,
+            verdict: match (beyond.cells, doubtful.cells + unknown.cells, self.distribution.count()) {
                 (.., 0) => Verdict::Undecided,
                 _ if lacks => Verdict::DoesNotConform,
                 (0, 0, _) => Verdict::Conforms,
@@ -533,12 +515,12 @@ impl Found {
                 _ => Verdict::DoesNotConform,
             },
         });
-        let mean = |square: f64| (square / self.known_mm2).sqrt();
-        let uncertainty = (self.known_mm2 > 0.0).then(|| Uncertainty {
+        let mean = |square: f64| (square / known.area_mm2).sqrt();
+        let uncertainty = (known.area_mm2 > 0.0).then(|| Uncertainty {
             sigma_noise_mm: mean(self.squares[0]),
             model_mm: mean(self.squares[1]),
             median_u95_mm: self.intervals.percentile(0.5).unwrap_or(0.0),
-            share: share(self.known_mm2),
+            share: known.share,
             common_mm: job.request.threshold_sigma.map(|sigma| sigma * self.shift[0] / self.shift[1]),
         });
         let deviation = Deviation::of(&self.distribution);
@@ -549,7 +531,7 @@ impl Found {
             radius_mm,
             placement,
             cells: self.cells,
-            without_counterpart: self.without,
+            without_counterpart: without,
             border: Border { cells: self.border },
             deviation,
             hausdorff: Hausdorff {

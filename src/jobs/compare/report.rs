@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::rule::Row;
 use super::{Distribution, PlaceOut};
 use crate::geom::Affine;
 use crate::text::{Count, Rounded, Short, shown};
@@ -91,6 +90,19 @@ pub struct Area {
     pub area_mm2: f64,
     /// Part of the area that was asked for, 0 to 1.
     pub share: f64,
+}
+
+impl Area {
+    /// Adds a cell.
+    pub(in crate::jobs) fn add(&mut self, area_mm2: f64) {
+        self.cells += 1;
+        self.area_mm2 += area_mm2;
+    }
+
+    /// The cells with their share of an area; 0 of none.
+    pub(in crate::jobs) fn of(self, all_mm2: f64) -> Self {
+        Self { share: if all_mm2 > 0.0 { self.area_mm2 / all_mm2 } else { 0.0 }, ..self }
+    }
 }
 
 /// Cells that are not compared.
@@ -221,23 +233,6 @@ impl Worst {
             (false, false) => ", inside without counterpart",
         };
         format!("    {d} mm at {x}, {y}, {z} mm, {} mm2{rest}\n", Rounded(self.area_mm2))
-    }
-}
-
-impl PlaceOut {
-    /// A cell without a counterpart whose nearest surface has this distance, with the side as its sign.
-    pub(super) fn apart(row: &Row, value: f64) -> Self {
-        Self {
-            rank: value.abs(),
-            number: row.number,
-            value,
-            at: row.at_mm,
-            is_apart: true,
-            u95: None,
-            cells: 1,
-            area: row.area_mm2,
-            range: [row.at_mm; 2],
-        }
     }
 }
 

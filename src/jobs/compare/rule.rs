@@ -5,6 +5,7 @@ use crate::interior::extent;
 use crate::jobs::info::has_values;
 use crate::load::Model;
 use crate::measure::nearest::{Found, OctreeBox, Query, Search, Surface};
+use crate::measure::places::PlaceOut;
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
 /// Area below which a plane meets its cell in a corner or an edge only, as a part of the finest spacing's square.
@@ -52,6 +53,11 @@ impl Row {
     /// Half the 95 % interval of the value, in mm.
     pub(super) fn u95_mm(&self) -> Option<f64> {
         self.squares.map(|[noise, model]| SURE * (noise + model).sqrt())
+    }
+
+    /// The cell as a place that stands out by a value.
+    pub(super) fn place(&self, value: f64) -> PlaceOut {
+        PlaceOut::of_cell(self.number, value, self.at_mm, self.area_mm2)
     }
 
     /// What is kept of it: the deviation and half its 95 % interval, and without a counterpart the distance of the nearest
@@ -149,9 +155,6 @@ impl Measured<'_> {
     }
 }
 
-/// A place and its normal, in the frame of the other model.
-type Placed = ([f64; 3], [f64; 3]);
-
 impl Rule {
     /// The nearest point of the other surface within the radius, and its distance as a [`Row`] has it, with true if none
     /// is known.
@@ -187,13 +190,13 @@ impl Rule {
         self.is_whole || (0..3).all(inside)
     }
 
-    /// The deviation of a place, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
+    /// The deviation of a place in the other model's frame, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
     /// and the nearest one that is not is asked for. Its own normal says the sign if the way to it runs along it: on the far
     /// side of a wall that was moved by more than its thickness the solid's side would be the wrong one.
     fn deviation(
         &self,
         search: &mut Search<'_>,
-        (point, normal): Placed,
+        (point, normal): ([f64; 3], [f64; 3]),
         found: Found,
     ) -> Option<(f64, Found)> {
         let facing = Query { facing: Some((normal, self.cosine)), ..Query::within(self.radius_mm) };

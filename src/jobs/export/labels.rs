@@ -1,15 +1,14 @@
 //! A model of labels as triangles, a part for each label, in one file or a file for each; or as the map of its labels.
 
-use std::fs::{self, File};
-use std::io;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
 
 use super::{
-    ExportReport, ExportRequest, MAX_SMOOTH, commit, exporter_of, failed, folder_of, one_surface,
-    refuse_input, refuse_part, report,
+    ExportReport, ExportRequest, MAX_SMOOTH, commit, exported, failed, folder_of, one_surface, refuse_input,
+    refuse_part, report,
 };
 use crate::atomic::AtomicFile;
 use crate::error::Error;
@@ -22,7 +21,6 @@ use crate::jobs::scene::{no_label, unlabelled};
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;
 use crate::progress::Progress;
-use crate::render::GridSpace;
 use crate::scene::label_parts;
 use crate::text::data;
 use crate::text::names::{RANGE, SMOOTH};
@@ -68,14 +66,13 @@ pub fn export_each(
     refuse_part(&model, input, request)?;
     let unwritable = |path: &Path, cause| Error::Output { path: path.to_path_buf(), cause };
     fs::create_dir_all(folder).map_err(|cause| unwritable(folder, cause))?;
-    let mesh = mesh(input, folder, folder, &model, request, progress)?;
+    let mesh = mesh([input, folder], folder, &model, request, progress)?;
     let (mut made, mut bytes, mut outputs) = (Exported::default(), 0, Vec::new());
     for (part, name) in file_names(mesh.labels()).into_iter().enumerate() {
         let path = folder.join(format!("{name}.{}", request.form.suffix()));
         let out = AtomicFile::create(&path).map_err(|cause| unwritable(&path, cause))?;
-        let copy = out.file().try_clone().map_err(|cause| unwritable(&path, cause))?;
         let of_part = mesh
-            .write(request.form, copy, folder, part..part + 1)
+            .write(request.form, out.file(), folder, part..part + 1)
             .map_err(|stop| failed(stop, &model, input, &path))?;
         bytes += commit(out, &path, progress)?;
         made = Exported {
@@ -99,47 +96,24 @@ pub(super) fn export_labels(
     progress: &dyn Progress,
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
-    let unwritable = |cause: io::Error| Error::Output { path: output.to_path_buf(), cause };
-    let out = AtomicFile::create(output).map_err(unwritable)?;
-    let copy = out.file().try_clone().map_err(unwritable)?;
+    let out =
+        AtomicFile::create(output).map_err(|cause| Error::Output { path: output.to_path_buf(), cause })?;
     let folder = folder_of(output);
     let (made, surfaces) = if request.form.is_mask() {
-        (map(input, output, model, request, copy, progress)?, Vec::new())
+        let is_wanted = wanted(model, input, request)?;
+        let labels = model.frame().labels.iter().zip(is_wanted).filter(|(_, is_wanted)| *is_wanted);
+        let numbers: Vec<u16> = labels.map(|(label, _)| label.number).collect();
+        let made = exported(model, [input, output], request, |exporter| {
+            exporter.label_map(&numbers, request.form, out.file(), progress)
+        })?;
+        (made, Vec::new())
     } else {
-        let mesh = mesh(input, output, folder, model, request, progress)?;
-        let made = mesh.write(request.form, copy, folder, 0..mesh.labels().len());
+        let mesh = mesh([input, output], folder, model, request, progress)?;
+        let made = mesh.write(request.form, out.file(), folder, 0..mesh.labels().len());
         (made.map_err(|stop| failed(stop, model, input, output))?, surfaces(&mesh, &[]))
     };
     let bytes = commit(out, output, progress)?;
     Ok(report([input, output], request, model, (made, bytes, surfaces), start))
-}
-
-/// Writes the labels of all voxels.
-fn map(
-    input: &Path,
-    output: &Path,
-    model: &Model,
-    request: ExportRequest<'_>,
-    out: File,
-    progress: &dyn Progress,
-) -> Result<Exported, Error> {
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let (view, give_back) = (model.view(), || model.give_back());
-    let exporter = exporter_of(model, &view, &space, request, &give_back);
-    let wanted = wanted(model, input, request)?;
-    let labels: Vec<_> = model
-        .frame()
-        .labels
-        .iter()
-        .zip(wanted)
-        .filter(|(_, wanted)| *wanted)
-        .map(|(label, _)| label.clone())
-        .collect();
-    let made = exporter
-        .label_map(&labels, request.form, out, progress)
-        .map_err(|stop| failed(stop, model, input, output))?;
-    model.check_unchanged(input)?;
-    Ok(made)
 }
 
 /// A model of labels, which something cannot be done to.
@@ -150,27 +124,21 @@ pub(in crate::jobs) fn with_labels(doing: &str, input: &Path) -> Fault {
 
 /// The surfaces of all labels, made and checked.
 fn mesh(
-    input: &Path,
-    output: &Path,
+    paths: [&Path; 2],
     scratch: &Path,
     model: &Model,
     request: ExportRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<LabelMesh, Error> {
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let view = model.view();
-    let give_back = || model.give_back();
-    let exporter = exporter_of(model, &view, &space, request, &give_back);
     let smooth = request.smooth.unwrap_or(MAX_SMOOTH);
     if !(0.0..=MAX_SMOOTH).contains(&smooth) {
         let fault = usage!("walls are moved by 0 to half a voxel; choose {SMOOTH} in between");
-        return Err(fault.at(input).into());
+        return Err(fault.at(paths[0]).into());
     }
-    let mesh = exporter
-        .label_mesh(&model.frame().labels, &wanted(model, input, request)?, smooth, scratch, progress)
-        .map_err(|stop| failed(stop, model, input, output))?;
-    model.check_unchanged(input)?;
-    Ok(mesh)
+    let wanted = wanted(model, paths[0], request)?;
+    exported(model, paths, request, |exporter| {
+        exporter.label_mesh(&model.frame().labels, &wanted, smooth, scratch, progress)
+    })
 }
 
 /// For each label of a model, true if it is written.

@@ -247,10 +247,9 @@ impl Components {
         }
         let mut found = [0; 8];
         let mut count = 0;
-        for (slice, row) in
-            [(0, cell.row.wrapping_sub(1)), (0, cell.row), (1, cell.row.wrapping_sub(1)), (1, cell.row)]
-        {
-            let parts = if slice == 0 { self.before.row(row) } else { self.now.row(row) };
+        let rows = [cell.row.wrapping_sub(1), cell.row];
+        let slices = [&self.before, &self.now].into_iter();
+        for parts in slices.flat_map(|slice| rows.map(|row| slice.row(row))) {
             let from = parts.partition_point(|part| part.end < cell.x);
             for x in [cell.x.wrapping_sub(1), cell.x] {
                 if let Some(part) =

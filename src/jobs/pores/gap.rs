@@ -25,15 +25,9 @@ const OUTER: u32 = 0;
 pub(super) const LEFT_OUT: u32 = u32::MAX;
 
 /// Noted cells, in an unnamed file.
-pub(super) struct Notes(BufWriter<File>);
+pub(super) struct Notes(pub(super) BufWriter<File>);
 
 impl Notes {
-    pub(super) fn new(mut file: File) -> io::Result<Self> {
-        file.set_len(0)?;
-        file.rewind()?;
-        Ok(Self(BufWriter::new(file)))
-    }
-
     pub(super) fn add(&mut self, noted: &[Noted]) -> io::Result<()> {
         for Noted { serial, number, cell } in noted {
             self.0.write_all(&serial.to_le_bytes())?;
@@ -53,9 +47,9 @@ impl Notes {
             match file.read_exact(&mut bytes) {
                 Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => None,
                 read => Some(read.map(|()| {
-                    let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
-                    let number = u64::from_le_bytes(std::array::from_fn(|i| bytes[4 + i]));
-                    Noted { serial: word(0), number, cell: [12, 16, 20].map(word) }
+                    let words: [[u8; 4]; 6] = bytemuck::cast(bytes);
+                    let [serial, low, high, x, y, z] = words.map(u32::from_le_bytes);
+                    Noted { serial, number: u64::from(high) << 32 | u64::from(low), cell: [x, y, z] }
                 })),
             }
         }))

@@ -12,7 +12,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::compare::Area;
-use super::export::refuse_input;
+use super::export::{refuse_input, refuse_seen};
 use super::open_model::{open_model, refuse_larger_leaves};
 use super::pass::{Pass, Records};
 use super::verify::verify_unless_packed;
@@ -137,9 +137,7 @@ pub fn thickness(
     verify_unless_packed(path)?;
     let model = open_model(path)?;
     refuse_larger_leaves(&model, path, "thickness is")?;
-    if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(crate::error::keeps_part(seen_from, path).into());
-    }
+    refuse_seen(&model, path)?;
     let view = model.solid_view();
     let models = [&model];
     let surface = Surface::open(&view, &model.affine(), model.dims()).map_err(|fault| fault.at(path))?;
@@ -228,15 +226,14 @@ impl Row {
 #[derive(Default)]
 struct Found {
     distribution: Distribution,
-    cells: u64,
-    area_mm2: f64,
+    all: Area,
     none: Area,
     thicker: Area,
     below: Area,
     /// Length of two voxels, the shortest that is measured.
     least_mm: f64,
     thin_mm: Option<f64>,
-    thin_mm2: f64,
+    thin: Area,
     places: Places,
 }
 
@@ -252,55 +249,40 @@ impl Found {
     }
 
     fn add(&mut self, row: &Row) {
-        let add = |to: &mut Area| (to.cells, to.area_mm2) = (to.cells + 1, to.area_mm2 + row.area_mm2);
-        self.cells += 1;
-        self.area_mm2 += row.area_mm2;
+        self.all.add(row.area_mm2);
         let value = match row.thickness {
-            Thickness::None => return add(&mut self.none),
-            Thickness::Thicker => return add(&mut self.thicker),
+            Thickness::None => return self.none.add(row.area_mm2),
+            Thickness::Thicker => return self.thicker.add(row.area_mm2),
             Thickness::Of(value) => value,
         };
         self.distribution.add(value, row.area_mm2);
         if value < self.least_mm {
-            add(&mut self.below);
+            self.below.add(row.area_mm2);
         }
         if self.thin_mm.is_some_and(|thin| value < thin) {
-            self.thin_mm2 += row.area_mm2;
-            let (at, area, range) = (row.at_mm, row.area_mm2, [row.at_mm; 2]);
-            let place = PlaceOut {
-                rank: -value,
-                number: row.number,
-                value,
-                is_apart: false,
-                u95: None,
-                at,
-                cells: 1,
-                area,
-                range,
-            };
-            self.places.add(row.cell, &place);
+            self.thin.add(row.area_mm2);
+            let place = PlaceOut::of_cell(row.number, value, row.at_mm, row.area_mm2);
+            self.places.add(row.cell, &PlaceOut { rank: -value, ..place });
         }
     }
 
     fn report(self, job: &Job<'_>) -> ThicknessReport {
-        let share = |area_mm2: f64| if self.area_mm2 > 0.0 { area_mm2 / self.area_mm2 } else { 0.0 };
-        let with_share = |area: Area| Area { share: share(area.area_mm2), ..area };
-        let (thin_mm2, thin_share) = (self.thin_mm2, share(self.thin_mm2));
-        let [none, thicker, below_resolution] = [self.none, self.thicker, self.below].map(with_share);
+        let [none, thicker, below_resolution, thin] =
+            [self.none, self.thicker, self.below, self.thin].map(|area| area.of(self.all.area_mm2));
         let places = self.places.finish();
         ThicknessReport {
             input: data(job.path),
             by: job.request.by,
             max_mm: job.gauge.max_mm,
-            cells: self.cells,
+            cells: self.all.cells,
             none,
             thicker,
             below_resolution,
             thickness: Spread::of(&self.distribution),
             thin: self.thin_mm.map(|limit_mm| Thin {
                 limit_mm,
-                area_mm2: thin_mm2,
-                share: thin_share,
+                area_mm2: thin.area_mm2,
+                share: thin.share,
                 places: places.iter().take(MAX_PLACES).map(ThinPlace::of).collect(),
             }),
             peak_rss_bytes: 0,

@@ -5,6 +5,7 @@ use crate::geom::{Affine, Dims};
 use crate::jobs::render::RenderRequest;
 use crate::jobs::scene::picture_of;
 use crate::progress::Silent;
+use crate::random::Random;
 use crate::{Threshold, Voxels};
 
 const SIDE: u32 = 40;
@@ -67,15 +68,8 @@ fn plates_shells_and_tubes_are_as_thick_as_they_are() {
 fn rays_in_noise_leave_at_the_wall_that_they_reach_first() {
     let (folder, side, middle) = (tempfile::tempdir().unwrap(), 72, 35.3);
     for seed in 1..=3_u64 {
-        let mut random = seed;
-        let mut noise = || {
-            let mut unit = || {
-                random =
-                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (random >> 40) as f64 / (1_u64 << 24) as f64
-            };
-            (0..12).map(|_| unit()).sum::<f64>() - 6.0
-        };
+        let mut random = Random(seed);
+        let mut noise = || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
         let mut samples = Vec::new();
         for at in 0..side * side * side {
             let p = [at % side, at / side % side, at / side / side].map(|c| f64::from(c) - middle);
