@@ -9,11 +9,13 @@
 //! ```
 
 use std::ffi::OsStr;
+use std::fs::{self, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::platform::OsStrExt;
+use crate::platform::{self, OsStrExt};
 use crate::scratch::Appended;
+use crate::source::InputFiles;
 use crate::volume::{Result, SourceError, SourceFault};
 
 /// No record: the end of a chain.
@@ -130,6 +132,23 @@ impl Log {
             Some(record)
         })
     }
+}
+
+/// Time of change of a file, as bits that differ when the time does.
+pub(super) fn changed(meta: &Metadata) -> u64 {
+    const NANOSECONDS: i64 = 1_000_000_000;
+    let (seconds, nanoseconds) = platform::changed(meta);
+    seconds.wrapping_mul(NANOSECONDS).wrapping_add(nanoseconds).cast_unsigned()
+}
+
+/// Adds a file to those of a volume, with its size and time of change as they are now.
+///
+/// # Errors
+/// It is missing.
+pub(super) fn add_file(files: &mut InputFiles, path: &Path) -> io::Result<()> {
+    let meta = fs::metadata(path)?;
+    files.add(path, meta.len(), changed(&meta));
+    Ok(())
 }
 
 #[cfg(test)]

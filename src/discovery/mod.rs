@@ -114,11 +114,10 @@ impl Catalogue {
     ///
     /// Cost: headers, and some 256 KiB of the content of other formats than DICOM, which names them.
     pub fn open(&self, index: usize) -> Vec<Finding> {
-        let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
         let findings = self.open_named(index, &|format, files| match hash_of(files) {
             Ok(hash) => format!("{format}-{hash}"),
             // An unreadable input is not built: its name only has to distinguish it from others in reports.
-            Err(_) => unreadable(format),
+            Err(_) => format!("{format}-unreadable-{}", index + 1),
         });
         self.first_of_many(self.joined(findings))
     }
@@ -149,11 +148,8 @@ impl Catalogue {
                 Some(at) => {
                     // The first that can be used stands for all of them.
                     let better = kept[at].subject.is_err() && finding.subject.is_ok();
-                    passed_over[at].push(if better {
-                        std::mem::replace(&mut kept[at], finding)
-                    } else {
-                        finding
-                    });
+                    let other = if better { std::mem::replace(&mut kept[at], finding) } else { finding };
+                    passed_over[at].push(other);
                 }
             }
         }
@@ -191,18 +187,17 @@ impl Catalogue {
         let before = self.stamp(item);
         let opened = self.open_item(item, name).unwrap_or_else(refused);
         let mut findings: Vec<Finding> = opened.into_iter().map(watched).collect();
+        // From here on the volumes watch their files themselves.
+        let has_changed = self.stamp(item) != before;
         for (at, finding) in findings.iter_mut().enumerate() {
             finding.at = at;
-        }
-        // From here on the volumes watch their files themselves.
-        if self.stamp(item) != before {
-            for finding in findings.iter_mut().filter(|finding| finding.subject.is_ok()) {
+            if has_changed && finding.subject.is_ok() {
                 finding.subject = Err(changed_meanwhile(&finding.path));
             }
-        }
-        for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
-            // Images that have become unreadable do not name their series.
-            finding.id = name(finding.format, &|each| each(&finding.path));
+            if finding.id.is_empty() {
+                // Images that have become unreadable do not name their series.
+                finding.id = name(finding.format, &|each| each(&finding.path));
+            }
         }
         if !self.options.placement.is_empty() && self.options.raw.is_none() {
             let asked = self.options.placement;
@@ -260,13 +255,13 @@ impl Catalogue {
     fn leave_single_pictures(&mut self) -> Result {
         let mut kept = Vec::with_capacity(self.items.len());
         for item in &self.items {
-            if matches!(item.what, ItemKind::Stack(_)) && item.files == 1 {
+            if let ItemKind::Stack(at) = item.what
+                && item.files == 1
+            {
                 let record = self.log.get(item.first)?;
                 let path = full_path(&self.inputs, &record);
-                let is_whole = |at: u8| STACKS.get(usize::from(at)).is_some_and(|f| (f.is_whole)(&path));
-                if !record.path.as_os_str().is_empty()
-                    && !matches!(item.what, ItemKind::Stack(at) if is_whole(at))
-                {
+                let is_whole = STACKS.get(usize::from(at)).is_some_and(|format| (format.is_whole)(&path));
+                if !record.path.as_os_str().is_empty() && !is_whole {
                     self.left_out.add(left_out::said("single picture, no stack"), path)?;
                     continue;
                 }

@@ -130,14 +130,10 @@ pub(super) fn incomplete(path: &Path) -> Option<String> {
 
 /// The fault of a side-car next to a file of samples, if there is one: a correct side-car would have been read.
 pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
-    let longer = |suffix: &str| {
-        let mut name = data.file_name().unwrap_or_default().to_owned();
-        name.push(".");
-        name.push(suffix);
-        data.with_file_name(name)
-    };
-    let named = ["json", "toml"].into_iter().flat_map(|suffix| [data.with_extension(suffix), longer(suffix)]);
-    named.into_iter().find_map(|path| match read(&path) {
+    let plain = data.with_file_name(data.file_name().unwrap_or_default());
+    let mut named =
+        ["json", "toml"].into_iter().flat_map(|ending| [data.with_extension(ending), longer(&plain, ending)]);
+    named.find_map(|path| match read(&path) {
         Some(Err(error)) => Some(error),
         Some(Ok(_)) => None,
         None => {
@@ -201,21 +197,24 @@ pub(super) fn with_unknown(
     )
 }
 
+/// A path with one more ending.
+pub(super) fn longer(path: &Path, ending: &str) -> PathBuf {
+    let mut longer = path.as_os_str().to_owned();
+    longer.push(".");
+    longer.push(ending);
+    longer.into()
+}
+
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.
-pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
-    let longer = |ending: &str| {
-        let mut longer = data.as_os_str().to_owned();
-        longer.push(".");
-        longer.push(ending);
-        PathBuf::from(longer)
-    };
-    let longer = ["json", "toml"].map(longer);
-    longer.into_iter().chain(["json", "toml"].into_iter().map(|ending| data.with_extension(ending)))
+pub(super) fn candidates(data: &Path) -> [PathBuf; 4] {
+    let exact = |ending| longer(data, ending);
+    let by_stem = |ending| data.with_extension(ending);
+    [exact("json"), exact("toml"), by_stem("json"), by_stem("toml")]
 }
 
 /// The side-car of a file or folder.
 pub(super) fn of(data: &Path) -> Option<PathBuf> {
-    candidates(data).find(|sidecar| match read(sidecar) {
+    candidates(data).into_iter().find(|sidecar| match read(sidecar) {
         Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
         Some(Err(_)) => true,
         None => false,
@@ -230,7 +229,8 @@ pub(super) fn is_outdone(path: &Path) -> bool {
     };
     // One of another name that states its data does not replace that next to the data: both count.
     data.is_some_and(|data| {
-        candidates(&data).any(|candidate| candidate == path) && of(&data).is_some_and(|first| first != path)
+        candidates(&data).iter().any(|candidate| candidate == path)
+            && of(&data).is_some_and(|first| first != path)
     })
 }
 

@@ -1,7 +1,6 @@
 //! The rays of pictures from three sides, and how far their hits are from a reference.
 
 use std::convert::Infallible;
-use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -9,7 +8,7 @@ use super::rows::{Errors, Metric, Times, p99};
 use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
-use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
+use crate::geom::{BoxIndex, Dims, VoxelIndex, cross, dot};
 use crate::load::{Model, NodeView};
 use crate::render::cells::Cells;
 use crate::render::picture::pool;
@@ -115,8 +114,7 @@ pub(super) fn cast_boxes(
     let view = model.view();
     let cells = view.cells().map(Cells::new);
     let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
-    let Ok((seconds, hits)) = Times::of(|| {
-        let started = Instant::now();
+    let Ok((seconds, hits)) = Times::measured(|| {
         let hit = |ray: &Option<_>| {
             let ray = ray.as_ref()?;
             match &cells {
@@ -124,8 +122,7 @@ pub(super) fn cast_boxes(
                 None => single::trace(Form::best(), &view, &Skin, ray, k).hit,
             }
         };
-        let hits: Vec<_> = rays.iter().map(hit).collect();
-        Ok::<_, Infallible>((started.elapsed().as_secs_f64(), hits))
+        Ok::<_, Infallible>(rays.iter().map(hit).collect::<Vec<_>>())
     });
     let met = lines.iter().zip(hits).map(|((o, d), hit)| {
         let hit = hit?;
@@ -238,8 +235,8 @@ impl Found {
 /// Angle between two vectors in degrees, by the polynomial of the arc tangent that rounds alike everywhere: errors are
 /// compared between machines. Error below 1e-6 degree.
 fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let (sine, cosine) = (dot(cross, cross).sqrt(), dot(a, b));
+    let across = cross(a, b);
+    let (sine, cosine) = (dot(across, across).sqrt(), dot(a, b));
     let (small, large) = if sine < cosine.abs() { (sine, cosine.abs()) } else { (cosine.abs(), sine) };
     if large == 0.0 {
         return 0.0;
