@@ -84,7 +84,7 @@ pub(crate) fn open_unprepared_in(
 fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
-            return Err(synthetic::usage(described, synthetic::described()));
+            return Err(synthetic::described().at(described).into());
         }
         only_one(options, inputs.first().map_or(Path::new(""), PathBuf::as_path))?;
         return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));

@@ -210,7 +210,7 @@ impl<'a> Surveyor<'a> {
         let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
         let text = self.path(input, Path::new(""));
         if self.options.raw.is_some() {
-            return Err(synthetic::usage(&text, synthetic::described()));
+            return Err(synthetic::described().at(&text).into());
         }
         // Reported at once, like a file that is not there.
         synthetic::open(&text)?;

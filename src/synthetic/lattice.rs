@@ -70,10 +70,6 @@ impl Lattice {
         (cube, std::array::from_fn(|a| (scaled[a] - scaled[a].floor()) * self.cell))
     }
 
-    pub(super) fn distance(&self, p: Vector) -> f64 {
-        self.surface(p).distance
-    }
-
     /// Searches the 26 neighbours for the nearest cube that differs from the place's own.
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let (cube, into) = self.find(p);

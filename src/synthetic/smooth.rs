@@ -83,13 +83,9 @@ impl Smooth {
         match *self {
             Self::Sphere { radius } => dot(p, p).sqrt() - radius,
             Self::Ellipsoid { radii } => {
-                let scaled = dot(
-                    [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]],
-                    [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]],
-                )
-                .sqrt();
+                let scaled = [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]];
                 // Lower bound of the distance.
-                let bound = (scaled - 1.0) * radii[0].min(radii[1]).min(radii[2]);
+                let bound = (dot(scaled, scaled).sqrt() - 1.0) * radii[0].min(radii[1]).min(radii[2]);
                 if bound.abs() > reach { bound } else { ellipsoid(radii, p).0 }
             }
             Self::Slab { half } => p[2].abs() - half,

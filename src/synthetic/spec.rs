@@ -15,19 +15,25 @@ pub(super) const PREFIX: &str = "synthetic:";
 /// Name of the head, which is not a [`Body`].
 pub(super) const HEAD: &str = "head";
 
-pub(super) const BODIES: [&str; 11] = [
-    "sphere",
-    "ellipsoid",
-    "torus",
-    "box",
-    "slab",
-    "gyroid",
-    "marschner-lobb",
-    "menger",
-    "checkerboard",
-    "comb",
-    "salt",
+/// Names of the bodies, each with its keys other than keys of the sampling.
+const BODIES: [(&str, &[&str]); 11] = [
+    ("sphere", &["radius"]),
+    ("ellipsoid", &["radii", "turn"]),
+    ("torus", &["ring", "tube", "turn"]),
+    ("box", &["edges", "turn"]),
+    ("slab", &["thickness", "turn"]),
+    ("gyroid", &["period"]),
+    ("marschner-lobb", &["frequency", "depth"]),
+    ("menger", &["levels"]),
+    ("checkerboard", &["cell"]),
+    ("comb", &["cell"]),
+    ("salt", &["cell", "share"]),
 ];
+
+/// Names of the bodies.
+pub(super) fn bodies() -> [&'static str; 11] {
+    BODIES.map(|(name, _)| name)
+}
 
 /// Sampling of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,23 +71,6 @@ pub(super) enum Request {
 
 /// Keys of the sampling.
 const SAMPLING: [&str; 7] = ["sample", "psf", "slab", "noise", "seed", "bits", "spacing"];
-
-/// Keys of a body other than keys of the sampling.
-fn own_keys(body: &str) -> &'static [&'static str] {
-    match body {
-        "sphere" => &["radius"],
-        "ellipsoid" => &["radii", "turn"],
-        "torus" => &["ring", "tube", "turn"],
-        "box" => &["edges", "turn"],
-        "slab" => &["thickness", "turn"],
-        "gyroid" => &["period"],
-        "marschner-lobb" => &["frequency", "depth"],
-        "menger" => &["levels"],
-        "checkerboard" | "comb" => &["cell"],
-        "salt" => &["cell", "share"],
-        _ => &[],
-    }
-}
 
 /// Parameters, each to be taken once.
 struct Keys<'a> {
@@ -165,17 +154,11 @@ pub(super) fn no_body(name: &str, known: &[&str]) -> Fault {
 
 /// Reads the text behind [`PREFIX`].
 pub(super) fn parse(text: &str) -> Result<Request, Fault> {
-    let (front, keys) = match text.split_once('?') {
-        Some((front, keys)) => (front, Some(keys)),
-        None => (text, None),
-    };
-    let (name, size) = match front.split_once('@') {
-        Some((name, size)) => (name, Some(size)),
-        None => (front, None),
-    };
-    let all = || std::iter::once(HEAD).chain(BODIES);
-    let Some(name) = all().find(|known| *known == name) else {
-        return Err(no_body(name, &all().collect::<Vec<_>>()));
+    let (front, keys) = text.split_once('?').map_or((text, None), |(front, keys)| (front, Some(keys)));
+    let (name, size) = front.split_once('@').map_or((front, None), |(name, size)| (name, Some(size)));
+    let all = || std::iter::once((HEAD, &[][..])).chain(BODIES);
+    let Some((name, own_keys)) = all().find(|(known, _)| *known == name) else {
+        return Err(no_body(name, &all().map(|(known, _)| known).collect::<Vec<_>>()));
     };
     let size = size.ok_or_else(|| {
         usage!(
@@ -183,11 +166,11 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
         )
     })?;
     if name == HEAD {
-        Keys::new(HEAD, keys, &[])?;
+        Keys::new(HEAD, keys, own_keys)?;
         let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
         return side.map(Request::Head).ok_or_else(|| wrong_size(size));
     }
-    let known: Vec<&str> = own_keys(name)
+    let known: Vec<&str> = own_keys
         .iter()
         .copied()
         .chain(SAMPLING)

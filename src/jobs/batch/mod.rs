@@ -243,7 +243,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
         left_out: catalogue.left_out().iter().map(LeftOutCount::from).collect(),
-        left_out_files: named_left_out(&catalogue)?,
+        left_out_files: LeftOutFile::first(&catalogue, MAX_NAMED)?,
         warnings: lock.warning.iter().cloned().chain(burned_in).chain(above_cap(cap)).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
@@ -262,18 +262,6 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 
 /// Most left-out files that reports name; some 100 KiB at a time.
 const MAX_NAMED: usize = 1000;
-
-/// The first files that are left out, each with the reason.
-fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
-    let mut named = Vec::new();
-    catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if named.len() < MAX_NAMED {
-            named.push(LeftOutFile { path: data(path), reason: why.to_string() });
-        }
-        Ok(())
-    })?;
-    Ok(named)
-}
 
 /// Reserves the memory of so many jobs beyond their builds, if enough is left for useful builds.
 fn reserve_jobs(
@@ -414,28 +402,22 @@ impl Run<'_> {
             ..Item::default()
         };
         if !self.request.asks_for(&finding) {
-            item.status = Status::Skipped;
-            item.cause = Some(Cause::NotAskedFor);
-            item.reason = Some("is not of the modalities or series that were asked for".into());
-            return Named::Settled(item);
+            let reason = "is not of the modalities or series that were asked for";
+            return Named::Settled(item.ended(Status::Skipped, Cause::NotAskedFor, reason));
         }
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
-            item.status = Status::Skipped;
-            item.cause = Some(Cause::FewSlices);
             let least = self.request.min_slices;
-            item.reason = Some(format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice")));
-            return Named::Settled(item);
+            let reason = format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice"));
+            return Named::Settled(item.ended(Status::Skipped, Cause::FewSlices, reason));
         }
         let notes: &[Note] = match &finding.subject {
             Ok(subject) => subject.volume().map_or(&[], |volume| &volume.info().notes),
             Err(e) => {
-                item.cause = Some(Cause::of(e.kind()));
-                item.reason = Some(e.to_string());
                 // A model of an earlier state of the input would pass for this one's.
                 if !turn.is_taken(&item.name) {
                     Record::clear(&self.request.out, &item.name);
                 }
-                return Named::Settled(item);
+                return Named::Settled(item.ended(Status::Failed, Cause::of(e.kind()), e.to_string()));
             }
         };
         item.warnings = sentences(notes);
@@ -445,10 +427,8 @@ impl Run<'_> {
         };
         match turn.claim(&finding, place, &is_copy) {
             Claim::CopyOf(name) => {
-                item.status = Status::Skipped;
-                item.reason = Some(copy_of(&name));
-                item.cause = Some(Cause::CopyOf(name));
-                return Named::Settled(item);
+                let reason = copy_of(&name);
+                return Named::Settled(item.ended(Status::Skipped, Cause::CopyOf(name), reason));
             }
             Claim::Own(name, number) => {
                 item.name = name;
@@ -521,9 +501,8 @@ impl Run<'_> {
                 if let Some(record) = Record::of(&item, &self.options, &inputs, thumbnail_bytes)
                     && let Err(cause) = record.write(&self.request.out)
                 {
-                    item.status = Status::Failed;
-                    item.cause = Some(Cause::Disk);
-                    item.reason = Some(format!("its record cannot be written ({cause})"));
+                    let reason = format!("its record cannot be written ({cause})");
+                    return item.ended(Status::Failed, Cause::Disk, reason);
                 }
             }
             Err(e) => {
@@ -656,34 +635,31 @@ impl Run<'_> {
         let mut subject = job.reshape(subject)?;
         let mut least = job.least_share(&subject);
         let prepared = subject.volume().map_or(0, |source| source.preparation().scratch_bytes);
-        let (name, again): (String, Option<Box<dyn Fn() -> Subject>>) = match &subject {
-            Subject::Volume(source) => (source.info().description.name.clone(), None),
-            Subject::Mesh(paths) => {
-                let paths = paths.clone();
-                let name = paths.first().map(|path| data(path)).unwrap_or_default();
-                (name, Some(Box::new(move || Subject::Mesh(paths.clone()))))
-            }
-            Subject::Tree(path) => {
-                let path = path.clone();
-                (data(&path), Some(Box::new(move || Subject::Tree(path.clone()))))
-            }
+        let name = match &subject {
+            Subject::Volume(source) => source.info().description.name.clone(),
+            Subject::Mesh(paths) => paths.first().map(|path| data(path)).unwrap_or_default(),
+            Subject::Tree(path) => data(path),
         };
         let (options, note) = self.settle(&job, &mut subject, &name, least)?;
         let job = BuildJob { options: &options, ..job };
         least = job.least_share(&subject).max(least);
         loop {
             let job = BuildJob { grid, ..job };
+            let again = match &subject {
+                Subject::Volume(_) => None,
+                Subject::Mesh(paths) => Some(Subject::Mesh(paths.clone())),
+                Subject::Tree(path) => Some(Subject::Tree(path.clone())),
+            };
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
-            match (built, &again) {
+            match (built, again) {
                 // The grid of the request is for subjects without a grid of their own.
                 (Err(Error::Build(error)), Some(again)) if grid.grid.is_some() && has_own_grid(&error) => {
-                    grid = &own;
-                    subject = again();
+                    (grid, subject) = (&own, again);
                 }
                 // The memory of a mesh is known when it has been read, and of a tree when its leaves are placed.
                 (Err(Error::Build(error)), Some(again)) if error.minimum_bytes() > Some(granted) => {
                     least = error.minimum_bytes().unwrap_or(least);
-                    subject = again();
+                    subject = again;
                 }
                 (built, _) => {
                     let mut built = built?;
@@ -712,7 +688,7 @@ impl Run<'_> {
     fn options_for(&self, subject: &Subject) -> BuildOptions {
         let asked = BuildOptions {
             threads: self.threads,
-            scratch: Some(self.scratch()),
+            scratch: Some(self.request.build.scratch_folder(&self.request.out.join("x"))),
             ..self.request.build.clone()
         };
         let kind = subject.kind();
@@ -750,10 +726,6 @@ impl Run<'_> {
                 minimum_bytes: self.with_all_jobs.smallest_limit_with(least),
             }))
         })
-    }
-
-    fn scratch(&self) -> PathBuf {
-        self.request.build.scratch_folder(&self.request.out.join("x"))
     }
 }
 
