@@ -164,7 +164,7 @@ impl ItemOpener<'_> {
             ItemKind::Format(at) => self.format(usize::from(at)),
             ItemKind::Stack(at) => self.stack(usize::from(at))?,
             ItemKind::Sidecar => {
-                let opened = sidecar::open(self.path, &self.of.options).map(|v| vec![v]);
+                let opened = sidecar::open(self.path, None, &self.of.options).map(|v| vec![v]);
                 let files = self.with_samples(&opened);
                 let id = (self.name)("raw", &|each| self.each_source(&opened, each));
                 findings(self.path, "raw", id, files, opened)

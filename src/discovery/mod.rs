@@ -137,24 +137,21 @@ impl Catalogue {
             return findings;
         }
         let alike = |a: &Finding, b: &Finding| (a.format, &a.kind, a.size) == (b.format, &b.kind, b.size);
-        let mut kept: Vec<Finding> = Vec::new();
-        let mut passed_over: Vec<Vec<Finding>> = Vec::new();
-        for finding in findings {
-            match kept.iter().position(|known| alike(known, &finding)) {
-                None => {
-                    kept.push(finding);
-                    passed_over.push(Vec::new());
-                }
-                Some(at) => {
+        let mut kept: Vec<(Finding, Vec<Finding>)> = Vec::new();
+        for mut finding in findings {
+            match kept.iter_mut().find(|(known, _)| alike(known, &finding)) {
+                None => kept.push((finding, Vec::new())),
+                Some((known, others)) => {
                     // The first that can be used stands for all of them.
-                    let better = kept[at].subject.is_err() && finding.subject.is_ok();
-                    let other = if better { std::mem::replace(&mut kept[at], finding) } else { finding };
-                    passed_over[at].push(other);
+                    if known.subject.is_err() && finding.subject.is_ok() {
+                        std::mem::swap(known, &mut finding);
+                    }
+                    others.push(finding);
                 }
             }
         }
         let mut all: Vec<Finding> = Vec::new();
-        for (finding, others) in kept.into_iter().zip(passed_over) {
+        for (finding, others) in kept {
             if others.len() < MAX_ALIKE {
                 all.push(finding);
                 all.extend(others);

@@ -332,27 +332,23 @@ impl Measured {
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {
             Self::Done(measures) => measures,
-            Self::Not(NotMeasured::Packed) => {
-                return vec![(
-                    "measures",
-                    format!("none of a packed model; {MEASURE} unpacks it for a moment"),
-                )];
-            }
-            Self::Not(NotMeasured::Large) => {
-                return vec![("measures", format!("take a while here; {MEASURE} takes them"))];
-            }
             Self::Labels(found) => {
                 return vec![("size", size_text(found.box_mm)), ("extent", extent_text(found.box_mm))];
             }
-            Self::Not(_) => {
-                return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
+            Self::Not(why) => {
+                let text = match why {
+                    NotMeasured::Packed => {
+                        format!("none of a packed model; {MEASURE} unpacks it for a moment")
+                    }
+                    NotMeasured::Large => format!("take a while here; {MEASURE} takes them"),
+                    _ => format!("the model has no volume, or is damaged; see `{VERIFY}`"),
+                };
+                return vec![("measures", text)];
             }
         };
-        let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| {
-            value.map_or_else(
-                || why_not.to_owned(),
-                |(value, error)| format!("{} {unit}", WithError { value, error }),
-            )
+        let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| match value {
+            Some((value, error)) => format!("{} {unit}", WithError { value, error }),
+            None => why_not.to_owned(),
         };
         let enclosed = measures.enclosed;
         let uneven = "not known: voxels are more than 100 times as long along one axis as along another";

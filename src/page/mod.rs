@@ -129,20 +129,11 @@ struct Head<'a> {
     /// True if the page may ask for pictures.
     served: bool,
     /// The table of labels; labels of voxels are indices into it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    labels: Vec<LabelEntry<'a>>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    labels: &'a [Label],
     #[serde(skip_serializing_if = "Option::is_none")]
     quantity: Option<Measured<'a>>,
     sections: Vec<Section>,
-}
-
-/// A label.
-#[derive(Serialize)]
-struct LabelEntry<'a> {
-    number: u16,
-    name: &'a str,
-    color: [u8; 3],
-    voxels: u64,
 }
 
 /// A measured quantity, with the colours of its values.
@@ -254,12 +245,6 @@ impl<'a> Head<'a> {
             direction[axis] = sign;
             sign * space.support(&view, direction)
         };
-        let part = |label: &'a Label| LabelEntry {
-            number: label.number,
-            name: &label.name,
-            color: label.color,
-            voxels: label.voxels,
-        };
         Self {
             depth: view.depth(),
             dims: dims.to_array(),
@@ -272,7 +257,7 @@ impl<'a> Head<'a> {
             value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
             value_scale: meta.value_scale,
             patient: meta.source.is_patient(),
-            labels: model.frame().labels.iter().map(part).collect(),
+            labels: &model.frame().labels,
             quantity: model.frame().quantity.as_ref().map(|of| Measured::of(of, meta.value_scale)),
             ..Self::default()
         }

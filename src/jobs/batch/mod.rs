@@ -373,23 +373,26 @@ impl Run<'_> {
             self.report((at, 0), slot, &Item::of_defect(at));
             return;
         };
-        let numbered = |(part, finding): (usize, Finding)| {
-            let item = self.name(&turn, finding, (at, part));
-            (part, item)
-        };
-        let named: Vec<(usize, Named)> = findings.into_iter().enumerate().map(numbered).collect();
+        let parts = (0..).zip(findings);
+        let named: Vec<_> = parts.map(|(part, finding)| self.name(&turn, finding, (at, part))).collect();
         drop(turn);
-        for (part, named) in named {
-            let item = match named {
-                Named::Settled(item) => item,
-                Named::Volume(item, finding) => self.convert(slot, item, *finding),
+        for (part, (item, finding)) in named.into_iter().enumerate() {
+            let item = match finding {
+                Some(finding) => self.convert(slot, item, finding),
+                None => item,
             };
             self.report((at, part), slot, &item);
         }
     }
 
-    /// A volume with its name, or its outcome if that is known already: too few slices, refused, or a copy of another.
-    fn name(&self, turn: &claims::Turn<'_>, finding: Finding, place: claims::Place) -> Named {
+    /// The item of a volume with its name, and the volume if it is to be built, unless it was before; else the outcome is
+    /// known already: too few slices, refused, or a copy of another.
+    fn name(
+        &self,
+        turn: &claims::Turn<'_>,
+        finding: Finding,
+        place: claims::Place,
+    ) -> (Item, Option<Finding>) {
         let mut item = Item {
             name: finding.id.clone(),
             input: data(&finding.path),
@@ -403,12 +406,12 @@ impl Run<'_> {
         };
         if !self.request.asks_for(&finding) {
             let reason = "is not of the modalities or series that were asked for";
-            return Named::Settled(item.ended(Status::Skipped, Cause::NotAskedFor, reason));
+            return (item.ended(Status::Skipped, Cause::NotAskedFor, reason), None);
         }
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
             let least = self.request.min_slices;
             let reason = format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice"));
-            return Named::Settled(item.ended(Status::Skipped, Cause::FewSlices, reason));
+            return (item.ended(Status::Skipped, Cause::FewSlices, reason), None);
         }
         let notes: &[Note] = match &finding.subject {
             Ok(subject) => subject.volume().map_or(&[], |volume| &volume.info().notes),
@@ -417,7 +420,7 @@ impl Run<'_> {
                 if !turn.is_taken(&item.name) {
                     Record::clear(&self.request.out, &item.name);
                 }
-                return Named::Settled(item.ended(Status::Failed, Cause::of(e.kind()), e.to_string()));
+                return (item.ended(Status::Failed, Cause::of(e.kind()), e.to_string()), None);
             }
         };
         item.warnings = sentences(notes);
@@ -428,18 +431,17 @@ impl Run<'_> {
         match turn.claim(&finding, place, &is_copy) {
             Claim::CopyOf(name) => {
                 let reason = copy_of(&name);
-                return Named::Settled(item.ended(Status::Skipped, Cause::CopyOf(name), reason));
+                return (item.ended(Status::Skipped, Cause::CopyOf(name), reason), None);
             }
             Claim::Own(name, number) => {
                 item.name = name;
                 item.warnings.extend(number.map(numbered));
             }
         }
-        let reason = finding.burned_in.and_then(|kind| BurnedIn::ALL.iter().position(|known| *known == kind));
-        if let Some(count) = reason.and_then(|at| self.burned_in.get(at)) {
-            count.fetch_add(1, Ordering::Relaxed);
+        if let Some(kind) = finding.burned_in {
+            self.burned_in[kind as usize].fetch_add(1, Ordering::Relaxed);
         }
-        Named::Volume(item, Box::new(finding))
+        (item, Some(finding))
     }
 
     /// Counts, shows and notes the outcome of a volume.
@@ -450,9 +452,7 @@ impl Run<'_> {
             Status::Failed => 2,
             Status::Kept => return,
         };
-        if let Some(count) = self.counts.get(count) {
-            count.fetch_add(1, Ordering::Relaxed);
-        }
+        self.counts[count].fetch_add(1, Ordering::Relaxed);
         self.watcher.end(slot, item);
         if let Err(cause) = self.journal.add(order, item) {
             let path = self.request.out.clone();
@@ -745,14 +745,6 @@ pub(super) fn numbered(n: u32) -> String {
 fn has_own_grid(error: &BuildError) -> bool {
     let BuildFault::Source(error) = error.fault() else { return false };
     matches!(error.fault(), SourceFault::Said(fault) if fault.kind == FaultKind::OwnGrid)
-}
-
-/// A volume that has been named.
-enum Named {
-    /// Its outcome is known.
-    Settled(Item),
-    /// It is to be built under the item's name, unless it was before.
-    Volume(Item, Box<Finding>),
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

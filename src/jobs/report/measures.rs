@@ -222,9 +222,8 @@ fn porosity(path: &Path, body: &AnalyticVolume, balls: &[([f64; 3], f64)]) -> Re
             off.push(100.0 * (pore.volume_mm3 / unit_mm.powi(3) / truth - 1.0).abs());
         }
     }
-    let mut errors = Errors::default().with(Metric::Missed, percent(missed, balls.len()));
-    if !off.is_empty() {
-        errors = errors.with(Metric::Volume, off.iter().sum::<f64>() / off.len() as f64);
-    }
+    let mean = (!off.is_empty()).then(|| off.iter().sum::<f64>() / off.len() as f64);
+    let errors =
+        Errors::default().with(Metric::Missed, percent(missed, balls.len())).with(Metric::Volume, mean);
     Ok((times, body.dims().voxels() as f64, errors))
 }

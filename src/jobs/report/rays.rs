@@ -215,20 +215,14 @@ struct Found {
 
 impl Found {
     fn errors(mut self) -> Errors {
-        let mut errors = Errors::of_distances(&mut self.distances);
-        if self.reference > 0 {
-            errors = errors.with(Metric::WrongPixels, 100.0 * self.wrong as f64 / self.reference as f64);
-        }
-        if self.other_sheet > 0 {
-            errors = errors.with(Metric::OtherSheet, 100.0 * self.other_sheet as f64 / self.reference as f64);
-        }
-        if !self.angles.is_empty() {
-            let mean = self.angles.iter().sum::<f64>() / self.angles.len() as f64;
-            self.angles.sort_by(f64::total_cmp);
-            errors = errors.with(Metric::NormalMean, mean);
-            errors = p99(&self.angles).map_or(errors, |v| errors.with(Metric::NormalP99, v));
-        }
-        errors
+        let percent = |pixels: u64| 100.0 * pixels as f64 / self.reference as f64;
+        let mean = self.angles.iter().sum::<f64>() / self.angles.len() as f64;
+        self.angles.sort_by(f64::total_cmp);
+        Errors::of_distances(&mut self.distances)
+            .with(Metric::WrongPixels, (self.reference > 0).then(|| percent(self.wrong)))
+            .with(Metric::OtherSheet, (self.other_sheet > 0).then(|| percent(self.other_sheet)))
+            .with(Metric::NormalMean, (!self.angles.is_empty()).then_some(mean))
+            .with(Metric::NormalP99, p99(&self.angles))
     }
 }
 

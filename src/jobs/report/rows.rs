@@ -250,28 +250,26 @@ impl Errors {
     pub(super) fn of_distances(distances: &mut [f64]) -> Self {
         let squares: f64 = distances.iter().map(|d| d * d).sum();
         distances.sort_by(f64::total_cmp);
-        let mut errors = Self::default();
-        errors.0[Metric::DepthRms as usize] =
-            (!distances.is_empty()).then(|| (squares / distances.len() as f64).sqrt());
-        errors.0[Metric::DepthP99 as usize] = p99(distances);
-        errors.0[Metric::DepthMax as usize] = distances.last().copied();
-        errors
+        Self::default()
+            .with(
+                Metric::DepthRms,
+                (!distances.is_empty()).then(|| (squares / distances.len() as f64).sqrt()),
+            )
+            .with(Metric::DepthP99, p99(distances))
+            .with(Metric::DepthMax, distances.last().copied())
     }
 
-    /// With one error more.
+    /// With one error more, if it is known.
     #[must_use]
-    pub fn with(mut self, metric: Metric, value: f64) -> Self {
-        self.0[metric as usize] = Some(value);
+    pub fn with(mut self, metric: Metric, value: impl Into<Option<f64>>) -> Self {
+        self.0[metric as usize] = value.into();
         self
     }
 
     /// The errors of normals alone.
     pub(super) fn only_normals(&self) -> Self {
-        let mut errors = Self::default();
-        for metric in [Metric::NormalMean, Metric::NormalP99] {
-            errors.0[metric as usize] = self.get(metric);
-        }
-        errors
+        let both = [Metric::NormalMean, Metric::NormalP99];
+        both.into_iter().fold(Self::default(), |errors, metric| errors.with(metric, self.get(metric)))
     }
 
     /// One of them.
