@@ -228,7 +228,7 @@ impl ItemOpener<'_> {
         let stated = format.states_no_place.then(|| placing_of(&[self.path])).flatten();
         let id = (self.name)(format.name, &|each| {
             self.each_source(&opened, each);
-            stated.iter().for_each(|stated| each(stated.path()));
+            stated.iter().for_each(|stated| each(&stated.path));
         });
         if let Some(stated) = stated {
             opened = stated.place(opened, &mut files);
@@ -257,7 +257,7 @@ impl ItemOpener<'_> {
             let stated = placing_of(&named);
             let id = (self.name)(format.name, &|each| {
                 used.iter().for_each(|at| each(&names.path(*at)));
-                stated.iter().for_each(|stated| each(stated.path()));
+                stated.iter().for_each(|stated| each(&stated.path));
             });
             let volumes = match stated {
                 Some(stated) => stated.place(volumes, &mut files),

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use super::log::{Log, NONE, Record};
+use super::log::{Log, Record};
 use crate::platform::OsStrExt;
 use crate::source::natural_cmp;
 use crate::volume::{Result, SourceError};
@@ -74,8 +74,7 @@ impl LeftOutFiles {
         let is_new = place_of(&why).is_none();
         let why = if is_new && self.kinds.len() >= MAX_REASONS { NotVolume::Other } else { why };
         let at = place_of(&why).unwrap_or(self.kinds.len());
-        let size = at as u64;
-        let noted = self.log.push(&Record { before: NONE, size, changed: 0, input: 0, path: path.clone() });
+        let noted = self.log.push(&Record { size: at as u64, ..Record::of(0, &path) });
         match self.kinds.get_mut(at) {
             Some(known) => {
                 known.count += 1;

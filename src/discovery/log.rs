@@ -45,6 +45,13 @@ pub(super) struct Record {
     pub(super) path: PathBuf,
 }
 
+impl Record {
+    /// A record without a chain and without facts of the file.
+    pub(super) fn of(input: u32, path: &Path) -> Self {
+        Self { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() }
+    }
+}
+
 /// Records in an unnamed scratch file, the last ones in memory.
 #[derive(Debug)]
 pub(super) struct Log(Appended);

@@ -91,7 +91,7 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, options.follow_links, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
+        let Surveyor { items, log, left_out, .. } = surveyor;
         let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
@@ -119,20 +119,16 @@ impl Catalogue {
             // An unreadable input is not built: its name only has to distinguish it from others in reports.
             Err(_) => format!("{format}-unreadable-{}", index + 1),
         });
-        self.first_of_many(self.joined(findings))
+        self.gathered(findings)
     }
 
-    /// The segments of a segmentation as one map, if masks are taken together.
-    fn joined(&self, findings: Vec<Finding>) -> Vec<Finding> {
-        match self.options.masks {
+    /// The segments of a segmentation as one map, if masks are taken together, and the first of very many volumes of one
+    /// input that are alike, unless all are wanted: a functional study has five hundred.
+    fn gathered(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        let findings = match self.options.masks {
             Some(overlap) => join_segments(findings, overlap),
             None => findings,
-        }
-    }
-
-    /// The first of very many volumes of one input that are alike, unless all are wanted: a functional study has
-    /// five hundred.
-    fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        };
         if self.options.all_volumes || findings.len() <= MAX_ALIKE {
             return findings;
         }
@@ -209,7 +205,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. An unreadable
     /// volume is not a copy.
     pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.first_of_many(self.joined(self.open_unnamed(index))).into_iter();
+        let mut others = self.gathered(self.open_unnamed(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 

@@ -16,7 +16,7 @@ use crate::volume::{FileWatch, Placement, Result, SourceError, StatedBy, place};
 /// A side-car of data that states the rest itself.
 pub(super) struct PlacementSidecar {
     /// The side-car.
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// Its contents, or its fault.
     said: Result<(Placement, Vec<String>), Fault>,
 }
@@ -88,11 +88,6 @@ pub(super) fn may_place(path: &Path) -> bool {
 }
 
 impl PlacementSidecar {
-    /// The side-car.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Volumes where the side-car says. It counts among their files, so that a change of it is noticed.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::item::{Item, ItemKind, Weight};
 use super::kind::{ends_in, open_with_head, solid_kind};
 use super::left_out::{LeftOutFiles, NotVolume, said};
-use super::log::{Log, NONE, Record, changed};
+use super::log::{Log, Record, changed};
 use super::order::{full_path, precedes};
 use super::{placing, sidecar};
 use crate::picture_mark::is_own_picture;
@@ -28,9 +28,10 @@ use crate::volume::{Result, SourceError};
 pub(super) struct Surveyor<'a> {
     inputs: &'a [PathBuf],
     options: &'a OpenOptions,
-    items: Vec<Item>,
-    log: Log,
-    left_out: LeftOutFiles,
+    /// Items in the order of the walk.
+    pub(super) items: Vec<Item>,
+    pub(super) log: Log,
+    pub(super) left_out: LeftOutFiles,
     /// Items that take more than one file, by their kind and a hash of their key.
     index: HashMap<(ItemKind, u64), u32>,
 }
@@ -57,14 +58,8 @@ impl<'a> Surveyor<'a> {
         }
     }
 
-    /// The findings, in the order of the walk.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, LeftOutFiles) {
-        (self.items, self.log, self.left_out)
-    }
-
     fn path(&self, input: u32, path: &Path) -> PathBuf {
-        let record = Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
-        full_path(self.inputs, &record)
+        full_path(self.inputs, &Record::of(input, path))
     }
 
     fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class> {
@@ -190,13 +185,8 @@ impl<'a> Surveyor<'a> {
             Class::Part => Ok(()),
             Class::LeftOut(why) => self.left_out.add(why, full),
             Class::Item(what, key, weight) => {
-                let record = Record {
-                    before: NONE,
-                    size: meta.len(),
-                    changed: changed(meta),
-                    input,
-                    path: path.to_path_buf(),
-                };
+                let (size, changed) = (meta.len(), changed(meta));
+                let record = Record { size, changed, ..Record::of(input, path) };
                 self.add((what, key), weight, record)
             }
         }
@@ -207,14 +197,13 @@ impl<'a> Surveyor<'a> {
     /// # Errors
     /// The description is wrong, or the disk failed.
     pub(super) fn synthetic(&mut self, input: u32) -> Result {
-        let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
         let text = self.path(input, Path::new(""));
         if self.options.raw.is_some() {
             return Err(synthetic::described().at(&text).into());
         }
         // Reported at once, like a file that is not there.
         synthetic::open(&text)?;
-        self.add((ItemKind::Synthetic, None), Weight::FILE, record)
+        self.add((ItemKind::Synthetic, None), Weight::FILE, Record::of(input, Path::new("")))
     }
 
     /// True for a folder that must not be entered: the one to skip, or slices of one item.

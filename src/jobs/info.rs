@@ -168,11 +168,6 @@ pub(crate) fn kind_name(kind: SelectionKind) -> &'static str {
     }
 }
 
-/// Names of the channels per voxel.
-fn channels(frame: &Frame) -> Vec<&'static str> {
-    frame.channels().map(|(channel, _)| channel.name()).collect()
-}
-
 impl Info {
     /// A table for people: kind, size and measures of the model; with `all`, also the make-up of the file.
     pub fn text(&self, all: bool) -> String {
@@ -453,11 +448,6 @@ pub(super) fn label_figures(frame: &Frame, measured: Option<&Measured>) -> Vec<L
 /// Number of larger leaves of a model.
 pub(super) fn leaves(frame: &Frame) -> u64 {
     frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
-}
-
-/// Number of nodes at each depth.
-fn level_nodes(frame: &Frame) -> Vec<u64> {
-    frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect()
 }
 
 /// True for a model of sampled values; solids have none.

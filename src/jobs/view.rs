@@ -297,10 +297,8 @@ impl Write for Client {
 impl Server<'_> {
     fn answer(&self, mut client: Client) -> io::Result<()> {
         client.stream.set_nonblocking(false)?;
-        match self.read(&client.asked).and_then(|asked| self.send(&mut client, &asked)) {
-            Ok(()) => Ok(()),
-            Err(refused) => client.refuse(refused),
-        }
+        let sent = self.read(&client.asked).and_then(|asked| self.send(&mut client, &asked));
+        sent.or_else(|refused| client.refuse(refused))
     }
 
     /// Reads a request, and checks its origin and path.

@@ -99,14 +99,9 @@ impl AnalyticVolume {
         self.body.surface(self.place_of(world_mm))
     }
 
-    fn place(&self, [x, y, z]: [u32; 3]) -> Vector {
-        let at = [x, y, z].map(|i| f64::from(i) + 0.5);
-        std::array::from_fn(|a| at[a] * self.spacing[a])
-    }
-
     /// Density of a sample, before noise and rounding.
     fn density(&self, at: [u32; 3]) -> f64 {
-        let [x, y, z] = self.place(at);
+        let [x, y, z] = std::array::from_fn(|a| (f64::from(at[a]) + 0.5) * self.spacing[a]);
         if self.sampling.binary {
             return f64::from(u8::from(self.distance_near([x, y, z], 0.0) <= 0.0));
         }

@@ -187,10 +187,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     catalogue.allow_opening(openable);
     // Fewer jobs where the memory is not enough for all.
     let most_jobs = request.jobs.clamp(1, catalogue.len());
-    let reserve = |jobs| reserve_jobs(&budget, &catalogue, openable, jobs).ok().map(|held| (jobs, held));
+    let beside = |openable, jobs| bytes_beside(&catalogue, openable, jobs);
+    let reserve = |jobs| Some((jobs, reserve_jobs(&budget, beside(openable, jobs), jobs).ok()?));
     let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
         let dry = Budget::dry(cap);
-        drop(reserve_jobs(&dry, &catalogue, USUAL_OPENING, 1));
+        drop(reserve_jobs(&dry, beside(USUAL_OPENING, 1), 1));
         return Err(Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
             name: data(&request.out),
             limit_bytes: limit,
@@ -199,7 +200,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     };
     let builds = budget.reserve_rest().into_budget();
     let with_all_jobs = Budget::dry(cap);
-    let _all = reserve_beside(&with_all_jobs, &catalogue, openable, most_jobs);
+    let _all = with_all_jobs.reserve(beside(openable, most_jobs));
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -263,28 +264,17 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 /// Most left-out files that reports name; some 100 KiB at a time.
 const MAX_NAMED: usize = 1000;
 
-/// Reserves the memory of so many jobs beyond their builds, if enough is left for useful builds.
-fn reserve_jobs(
-    budget: &Budget,
-    catalogue: &Catalogue,
-    openable: u64,
-    jobs: usize,
-) -> Result<Reservation, TooSmall> {
-    let held = reserve_beside(budget, catalogue, openable, jobs)?;
+/// Reserves the memory `beside` the builds of so many jobs, if enough is left for useful builds.
+fn reserve_jobs(budget: &Budget, beside: u64, jobs: usize) -> Result<Reservation, TooSmall> {
+    let held = budget.reserve(beside)?;
     drop(budget.reserve(MIN_JOB * jobs as u64)?);
     Ok(held)
 }
 
-/// Reserves the memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay
-/// open.
-fn reserve_beside(
-    budget: &Budget,
-    catalogue: &Catalogue,
-    openable: u64,
-    jobs: usize,
-) -> Result<Reservation, TooSmall> {
+/// Memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay open.
+fn bytes_beside(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let code = if jobs > 1 { BATCH_CODE } else { 0 };
-    budget.reserve(code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
+    code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs)
 }
 
 /// Memory of the items that can be opened within `openable` bytes, beyond their builds: for the largest one while it is
@@ -644,13 +634,16 @@ impl Run<'_> {
         let job = BuildJob { options: &options, ..job };
         least = job.least_share(&subject).max(least);
         loop {
-            let job = BuildJob { grid, ..job };
             let again = match &subject {
                 Subject::Volume(_) => None,
                 Subject::Mesh(paths) => Some(Subject::Mesh(paths.clone())),
                 Subject::Tree(path) => Some(Subject::Tree(path.clone())),
             };
-            let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
+            let grant = self.grant(&name, least)?;
+            let granted = grant.bytes();
+            let options = BuildOptions { memory: MemoryCap::Share(granted), ..options.clone() };
+            let built = BuildJob { grid, options: &options, ..job }.build(subject, String::new(), started);
+            drop(grant);
             match (built, again) {
                 // The grid of the request is for subjects without a grid of their own.
                 (Err(Error::Build(error)), Some(again)) if grid.grid.is_some() && has_own_grid(&error) => {
@@ -668,20 +661,6 @@ impl Run<'_> {
                 }
             }
         }
-    }
-
-    /// Waits for memory, and builds within it; also returns its amount.
-    fn build_within(
-        &self,
-        job: &BuildJob<'_>,
-        subject: Subject,
-        (name, least): (&str, u64),
-        started: Instant,
-    ) -> Result<(u64, Result<BuildSummary, Error>), Error> {
-        let grant = self.grant(name, least)?;
-        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..job.options.clone() };
-        let job = BuildJob { options: &options, ..*job };
-        Ok((grant.bytes(), job.build(subject, String::new(), started)))
     }
 
     /// The options that apply to a subject. Options of volumes are dropped for a mesh or a tree.

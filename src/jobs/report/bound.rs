@@ -66,10 +66,10 @@ impl Bench<'_> {
                 "Cells are joined into leaves within so many voxels of the surface. Distances and normals of the hits of three perspective pictures are held against {reference}. Rays go one by one on one thread. Pictures below are of the bound {SHOWN}."
             )
             .into(),
-            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
             pictures,
+            ..Experiment::default()
         })
     }
 }

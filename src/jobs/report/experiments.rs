@@ -171,19 +171,17 @@ impl Bench<'_> {
             id: "surface",
             title: "Where a hit lies",
             about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.".into(),
-            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         };
         let shadings = Experiment {
             id: "shading",
             title: "Which normals a picture shows",
             about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.".into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::NormalMean },
             rows: shadings,
-            pictures: Vec::new(),
+            ..Experiment::default()
         };
         Ok([surfaces, shadings])
     }
@@ -214,10 +212,9 @@ impl Bench<'_> {
             id: "gradient",
             title: "How normals are estimated",
             about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.".into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::NormalMean },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -256,10 +253,9 @@ impl Bench<'_> {
             id,
             title: "Level of detail",
             about: about.into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -298,10 +294,9 @@ impl Bench<'_> {
             id: "budget",
             title: "How little memory a build takes",
             about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.".into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -324,10 +319,9 @@ impl Bench<'_> {
             title: "What more threads bring",
             about: "Time of a build by the number of its threads; the model is the same, byte for byte."
                 .into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 }

@@ -80,10 +80,9 @@ impl Bench<'_> {
                 RADII[3], RADII[0]
             )
             .into(),
-            advice: None,
             drawn: Drawn { cost: 6, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 }

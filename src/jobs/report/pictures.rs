@@ -85,10 +85,9 @@ impl Bench<'_> {
             id: "frame",
             title: "Whole pictures",
             about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.".into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::Picture },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 

@@ -74,19 +74,14 @@ pub(super) fn lines(
     model: &Model<impl AsRef<[u8]>>,
     pixels: u32,
 ) -> Result<Vec<Line>, Error> {
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
     let mut all = Vec::new();
     for point in points(space, model) {
         let camera = Camera::new(point, Projection::Perspective, FOV_DEG, 1.0, |_| 0.0)?;
-        all.extend(through_pixels(&camera, pixels));
+        let places = (0..pixels).flat_map(|y| (0..pixels).map(move |x| (x, y)));
+        all.extend(places.map(|(x, y)| camera.ray(at(x), -at(y))));
     }
     Ok(all)
-}
-
-fn through_pixels(camera: &Camera, pixels: u32) -> impl Iterator<Item = Line> {
-    let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
-    (0..pixels)
-        .flat_map(move |y| (0..pixels).map(move |x| (x, y)))
-        .map(move |(x, y)| camera.ray(at(x), -at(y)))
 }
 
 /// The first surface on every line, as single rays see it.

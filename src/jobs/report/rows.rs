@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::plot::short;
 
 /// A choice is tried in several ways, everything else left alike.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Experiment {
     /// Short name, the same in every version.
@@ -31,7 +31,7 @@ pub struct Experiment {
 }
 
 /// The two axes of an experiment's drawing.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 #[serde(into = "[&'static str; 2]")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Drawn {
@@ -164,10 +164,11 @@ impl Times {
 }
 
 /// Kinds of errors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Metric {
     /// Root of the mean square of the distance to the reference, in voxels of the finest spacing.
+    #[default]
     DepthRms,
     /// Its 99th percentile.
     DepthP99,
@@ -390,15 +391,8 @@ mod tests {
             errors: Errors::default().with(Metric::DepthRms, error),
         };
         let rows = vec![row("a", 1.0, 3.0), row("a", 2.0, 3.0), row("a", 3.0, 1.0), row("b", 9.0, 9.0)];
-        let mut all = vec![Experiment {
-            id: "x",
-            title: "",
-            about: "".into(),
-            advice: None,
-            drawn: Drawn { cost: 0, metric: Metric::DepthRms },
-            rows,
-            pictures: Vec::new(),
-        }];
+        let drawn = Drawn { cost: 0, metric: Metric::DepthRms };
+        let mut all = vec![Experiment { id: "x", drawn, rows, ..Experiment::default() }];
         mark_fronts(&mut all);
         let front: Vec<bool> = all[0].rows.iter().map(|r| r.on_front).collect();
         assert_eq!(front, [true, false, true, true]);
