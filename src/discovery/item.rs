@@ -252,9 +252,7 @@ impl ItemOpener<'_> {
                 [only] => names.path(*only),
                 _ => folder.clone(),
             };
-            let own = used.first().map(|at| names.path(*at)).filter(|_| used.len() == 1);
-            let named: Vec<&Path> = own.iter().chain([&folder]).map(PathBuf::as_path).collect();
-            let stated = placing_of(&named);
+            let stated = placing_of(&[&path, &folder]);
             let id = (self.name)(format.name, &|each| {
                 used.iter().for_each(|at| each(&names.path(*at)));
                 stated.iter().for_each(|stated| each(&stated.path));
@@ -269,7 +267,11 @@ impl ItemOpener<'_> {
     }
 
     fn mesh(&self) -> Result<Finding> {
-        let format = mesh_format(self.path, self.first.size)?;
+        let opened = open_with_head(self.path);
+        let (_, head) = opened.map_err(|cause| SourceError::unreadable(self.path, cause))?;
+        // It was a mesh when its folder was searched.
+        let format = mesh::format_of(&head, self.first.size, self.path);
+        let format = format.ok_or_else(|| changed_meanwhile(self.path))?;
         let checked = mesh::check(self.path, self.of.options.follow_links);
         let subject = checked.map(|()| Subject::Mesh(vec![self.path.to_path_buf()]));
         let finding = Finding::new(self.path, format, self.id(format), self.one(), subject);
@@ -306,12 +308,6 @@ fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
             }
         });
     }
-}
-
-/// The format of a mesh, which was one when its folder was searched.
-fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
-    let (_, head) = open_with_head(path).map_err(|cause| SourceError::unreadable(path, cause))?;
-    mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
 }
 
 /// The error of a file that changed after its folder was searched.

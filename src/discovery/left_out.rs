@@ -111,11 +111,10 @@ impl LeftOutFiles {
         each: &mut dyn FnMut(&NotVolume, &Path) -> Result<(), E>,
     ) -> Result<(), E> {
         if self.kinds.iter().map(|kind| kind.count).sum::<u64>() > MAX_SORTED {
-            for file in self.all() {
+            return self.all().try_for_each(|file| {
                 let (why, path) = file?;
-                each(why, &path)?;
-            }
-            return Ok(());
+                each(why, &path)
+            });
         }
         let mut files = self.all().collect::<Result<Vec<_>, _>>()?;
         let bytes = |path: &PathBuf| path.clone().into_os_string();

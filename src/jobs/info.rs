@@ -263,10 +263,7 @@ fn label_row(label: &LabelFigures) -> (String, String) {
         .area_mm2
         .zip(label.area_error_mm2)
         .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
-    let value = label.volume_mm3;
-    let volume = label
-        .volume_error_mm3
-        .map_or_else(|| Short(value).to_string(), |error| WithError { value, error }.to_string());
+    let volume = WithError { value: label.volume_mm3, error: label.volume_error_mm3.unwrap_or(0.0) };
     let text = format!("{name}{}, {}, {volume} mm³{area}", label.color, Count(label.voxels, "voxel"));
     (format!("label {}", label.number), text)
 }

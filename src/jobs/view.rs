@@ -23,12 +23,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::error::Error;
+use crate::jobs::batch::page::HOME;
 use crate::load::survive_torn_files;
 use crate::platform::{FileExt, open_files_limit};
 use crate::scratch::unnamed;
-
-use crate::jobs::batch::page::HOME;
-
 use sheet::{BatchSheet, Entry};
 use subject::Subject;
 

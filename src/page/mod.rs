@@ -29,7 +29,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::format::{Channel, Label, Quantity, SectionKind, ValueColors};
-use crate::geom::{Affine, Dims};
+use crate::geom::Affine;
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
 use crate::render::walls::Hidden;
@@ -238,7 +238,6 @@ impl<'a> Head<'a> {
     /// A model's facts, without its sections.
     fn of<D: AsRef<[u8]>>(model: &'a Model<D>, space: &GridSpace) -> Self {
         let (header, meta, view) = (model.header(), model.metadata(), model.view());
-        let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
         let entry = |kind| model.frame().section(kind);
         let reach = |axis: usize, sign: f64| {
             let mut direction = [0.0; 3];
@@ -247,12 +246,12 @@ impl<'a> Head<'a> {
         };
         Self {
             depth: view.depth(),
-            dims: dims.to_array(),
+            dims: model.dims().to_array(),
             nodes: header.nodes,
             voxels: header.voxels,
             leaves: entry(SectionKind::LeafNormals).map_or(0, |entry| entry.items),
             cells: view.cells().is_some(),
-            affine: affine.rows,
+            affine: model.affine().rows,
             box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
             value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
             value_scale: meta.value_scale,

@@ -46,14 +46,9 @@ pub(crate) fn is_synthetic(input: &Path) -> bool {
 /// # Errors
 /// [`SourceError`], with the fault and the valid choices.
 pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
-    let wrong = |fault: Fault| fault.at(input);
-    let given = input.to_string_lossy();
-    match parse(&given).map_err(wrong)? {
+    match parse(&input.to_string_lossy()).map_err(|fault| fault.at(input))? {
         Request::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
-        Request::Head(side) => match SyntheticHead::new(side) {
-            Some(head) => Ok(Box::new(head)),
-            None => Err(wrong(spec::wrong_size(&side.to_string())).into()),
-        },
+        Request::Head(head) => Ok(head),
     }
 }
 

@@ -42,12 +42,8 @@ impl Turn {
             turned[j] = sin * v[i] + cos * v[j];
             turned
         };
-        let axis = |a: usize| {
-            let mut v = [0.0; 3];
-            v[a] = 1.0;
-            about(about(about(v, [1, 2], x), [2, 0], y), [0, 1], z)
-        };
-        Self { axes: [axis(0), axis(1), axis(2)] }
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Self { axes: axes.map(|v| about(about(about(v, [1, 2], x), [2, 0], y), [0, 1], z)) }
     }
 
     pub(super) fn into_body(self, v: Vector) -> Vector {

@@ -1,6 +1,7 @@
 //! The syntax of `synthetic:NAME@N?key=value,key=value`.
 
 use super::body::{Body, Shape};
+use super::head::SyntheticHead;
 use super::lattice::{Lattice, Pattern};
 use super::math::Vector;
 use super::smooth::{Smooth, Turn};
@@ -64,8 +65,7 @@ pub(super) struct Spec {
 
 /// The volume that a text describes.
 pub(super) enum Request {
-    /// The head of so many voxels a side.
-    Head(u32),
+    Head(Box<SyntheticHead>),
     Body(Box<Spec>),
 }
 
@@ -139,7 +139,7 @@ impl<'a> Keys<'a> {
 const LENGTHS: [f64; 2] = [0.01, 65536.0];
 const ANGLES: [f64; 2] = [-360.0, 360.0];
 
-pub(super) fn wrong_size(given: &str) -> Fault {
+fn wrong_size(given: &str) -> Fault {
     usage!(
         "'{given}' is not the size of a volume; write N or NXxNYxNZ with sides of 1 to 65536 (the head: 1 to 65536, all alike)"
     )
@@ -167,8 +167,8 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
     })?;
     if name == HEAD {
         Keys::new(HEAD, keys, own_keys)?;
-        let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
-        return side.map(Request::Head).ok_or_else(|| wrong_size(size));
+        let head = size.parse().ok().and_then(SyntheticHead::new);
+        return head.map(|head| Request::Head(Box::new(head))).ok_or_else(|| wrong_size(size));
     }
     let known: Vec<&str> = own_keys
         .iter()
@@ -186,14 +186,11 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
 
 fn sampling(keys: &Keys<'_>) -> Result<Sampling, Fault> {
     let binary = keys.word("sample", &["density", "binary"])? == 1;
-    if binary {
-        for key in ["psf", "slab", "noise", "bits"] {
-            if keys.text(key).is_some() {
-                return Err(usage!(
-                    "'{key}' is about grey levels, which sample=binary does not have; leave one of the two out"
-                ));
-            }
-        }
+    let of_grey_levels = ["psf", "slab", "noise", "bits"].into_iter().find(|key| keys.text(key).is_some());
+    if let (true, Some(key)) = (binary, of_grey_levels) {
+        return Err(usage!(
+            "'{key}' is about grey levels, which sample=binary does not have; leave one of the two out"
+        ));
     }
     let bits = keys.whole("bits", 16, [4, 32])?;
     if bits > 16 && bits != 32 {

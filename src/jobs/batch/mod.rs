@@ -407,8 +407,10 @@ impl Run<'_> {
             Ok(subject) => subject.volume().map_or(&[], |volume| &volume.info().notes),
             Err(e) => {
                 // A model of an earlier state of the input would pass for this one's.
-                if !turn.is_taken(&item.name) {
-                    Record::clear(&self.request.out, &item.name);
+                if !turn.is_taken(&item.name)
+                    && let Some(old) = Record::take(&self.request.out, &item.name)
+                {
+                    old.remove_files(&self.request.out, &item.name, None);
                 }
                 return (item.ended(Status::Failed, Cause::of(e.kind()), e.to_string()), None);
             }

@@ -230,13 +230,6 @@ impl Record {
             && self.is_whole(out)
     }
 
-    /// Removes the record of `name` first, and then its files; without a record, nothing.
-    pub(super) fn clear(out: &Path, name: &str) {
-        if let Some(old) = Self::take(out, name) {
-            old.remove_files(out, name, None);
-        }
-    }
-
     /// Removes the files that it names, except those of the model that replaced it.
     pub(super) fn remove_files(&self, out: &Path, name: &str, now: Option<&ModelFacts>) {
         let files = |model: &'_ ModelFacts| [Some(model.file.clone()), model.thumbnail.clone()];
