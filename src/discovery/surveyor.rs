@@ -68,9 +68,11 @@ impl<'a> Surveyor<'a> {
             return left_out(said("empty file"));
         }
         // A file that was named must be readable; one met in a folder is only reported.
-        let unreadable = |cause: io::Error| match named {
-            true => Err(SourceError::unreadable(path, cause)),
-            false => left_out(said(format!("cannot be read ({})", cause.kind()))),
+        let unreadable = |cause: io::Error| {
+            if named {
+                return Err(SourceError::unreadable(path, cause));
+            }
+            left_out(said(format!("cannot be read ({})", cause.kind())))
         };
         let (file, head) = match open_with_head(path) {
             Ok(opened) => opened,

@@ -333,7 +333,9 @@ impl Measured {
                         format!("none of a packed model; {MEASURE} unpacks it for a moment")
                     }
                     NotMeasured::Large => format!("take a while here; {MEASURE} takes them"),
-                    _ => format!("the model has no volume, or is damaged; see `{VERIFY}`"),
+                    NotMeasured::Labels | NotMeasured::Impossible => {
+                        format!("the model has no volume, or is damaged; see `{VERIFY}`")
+                    }
                 };
                 return vec![("measures", text)];
             }

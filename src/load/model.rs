@@ -4,11 +4,11 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::budget::resident_bytes;
 use crate::format::{
     Channel, ColorMap, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind,
     ValueColors, Walls, cell::Plane, rank,
 };
+use crate::budget::resident_bytes;
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
 use crate::platform::PositionalFile;

@@ -239,11 +239,7 @@ impl<'a> Head<'a> {
     fn of<D: AsRef<[u8]>>(model: &'a Model<D>, space: &GridSpace) -> Self {
         let (header, meta, view) = (model.header(), model.metadata(), model.view());
         let entry = |kind| model.frame().section(kind);
-        let reach = |axis: usize, sign: f64| {
-            let mut direction = [0.0; 3];
-            direction[axis] = sign;
-            sign * space.support(&view, direction)
-        };
+        let reach = |axis: usize, sign: f64| sign * space.support(&view, along(axis, sign));
         Self {
             depth: view.depth(),
             dims: model.dims().to_array(),
@@ -263,16 +259,17 @@ impl<'a> Head<'a> {
     }
 }
 
+/// A vector along an axis.
+fn along(axis: usize, length: f64) -> [f64; 3] {
+    std::array::from_fn(|a| if a == axis { length } else { 0.0 })
+}
+
 /// The view from the front of some labels alone, in the form that pages write.
 pub(crate) fn front_of(model: &Model, space: &GridSpace, hidden: &[u16]) -> String {
     let (view, of) = (model.view(), Hidden::of(hidden.iter().copied()));
     let bounds = space.bounds_of_visible(&view, &of, &|| {});
     let ends = [0, 1, 2].map(|axis| {
-        [-1.0, 1.0].map(|sign| {
-            let mut direction = [0.0; 3];
-            direction[axis] = sign;
-            sign * space.support_of_inside(&view, direction, Some((&of, bounds)))
-        })
+        [-1.0, 1.0].map(|sign| sign * space.support_of_inside(&view, along(axis, sign), Some((&of, bounds))))
     });
     let [x, y, z] = ends.map(|[low, high]| f64::midpoint(low, high));
     let half =

@@ -375,8 +375,8 @@ impl Run<'_> {
         }
     }
 
-    /// The item of a volume with its name, and the volume if it is to be built, unless it was before; else the outcome is
-    /// known already: too few slices, refused, or a copy of another.
+    /// The item of a volume with its name, and the volume to build, unless that was done before. Without a volume the
+    /// outcome is known already: too few slices, refused, or a copy of another.
     fn name(
         &self,
         turn: &claims::Turn<'_>,

@@ -61,9 +61,7 @@ impl Search<'_> {
         let root = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };
         let pages = self.pages();
         Side::of((0..3).all(|axis| {
-            [false, true]
-                .into_iter()
-                .all(|up| surface.first_along(pages, root, (cell, axis, up)) == Some(true))
+            [false, true].into_iter().all(|up| surface.first_along(pages, root, (cell, axis, up)) == Some(true))
         }))
     }
 
