@@ -31,20 +31,13 @@ pub(super) fn hash_of(files: EachFile<'_>) -> io::Result<String> {
     let mut count = 0_u64;
     files(&mut |_| count += 1);
     let room = (SAMPLE_BYTES / count.max(1)).max(MIN_BYTES);
-    let mut hash = StableHash::new();
-    let mut failed = None;
+    let mut hash = Ok(StableHash::new());
     files(&mut |path| {
-        if failed.is_none() {
-            match sampled(hash, path, room) {
-                Ok(more) => hash = more,
-                Err(cause) => failed = Some(cause),
-            }
+        if let Ok(before) = hash.as_ref().copied() {
+            hash = sampled(before, path, room);
         }
     });
-    match failed {
-        Some(cause) => Err(cause),
-        None => Ok(format!("{:012x}", hash.finish() >> 16)),
-    }
+    Ok(format!("{:012x}", hash?.finish() >> 16))
 }
 
 fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHash> {

@@ -1,25 +1,21 @@
 //! One item of a catalogue: the data to open it, and its subjects.
 
-use crate::platform::{OsStrExt, PositionalFile};
-use std::fs::metadata;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::Catalogue;
 use super::content::EachFile;
-use super::log::Record;
+use super::kind::open_with_head;
+use super::log::{Record, add_file};
 use super::order::full_path;
 use super::placing::placing_of;
 use super::sidecar;
-use super::walk::changed;
 use crate::budget::costs;
 use crate::csg;
 use crate::fault::bad;
 use crate::mesh;
+use crate::platform::{OsStrExt, PositionalFile};
 use crate::source::dicom::{Recognition, open_series, recognise};
-use crate::source::{
-    FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
-};
+use crate::source::{FORMATS, FileList, Finding, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject};
 use crate::synthetic;
 use crate::volume::{Result, SourceError, SourceFault, VolumeSource};
 
@@ -84,7 +80,7 @@ pub(super) enum ItemKind {
 pub(super) type Name<'a> = &'a dyn Fn(&'static str, EachFile<'_>) -> String;
 
 /// Volumes of one file or folder.
-type Volumes = Result<Vec<Box<dyn VolumeSource>>>;
+pub(super) type Volumes = Result<Vec<Box<dyn VolumeSource>>>;
 
 impl Catalogue {
     /// The subjects of an item.
@@ -159,9 +155,7 @@ impl ItemOpener<'_> {
             }
             ItemKind::Damaged => {
                 let error = match PositionalFile::open(self.path).map(|file| recognise(&file)) {
-                    Err(cause) => {
-                        SourceError::from(SourceFault::Unreadable { path: self.path.to_path_buf(), cause })
-                    }
+                    Err(cause) => SourceError::unreadable(self.path, cause),
                     Ok(Recognition::Damaged(error)) => bad!("{error}").at(self.path).into(),
                     Ok(_) => changed_meanwhile(self.path),
                 };
@@ -170,14 +164,14 @@ impl ItemOpener<'_> {
             ItemKind::Format(at) => self.format(usize::from(at)),
             ItemKind::Stack(at) => self.stack(usize::from(at))?,
             ItemKind::Sidecar => {
-                let opened = sidecar::open(self.path, &self.of.options).map(|v| vec![v]);
+                let opened = sidecar::open(self.path, None, &self.of.options).map(|v| vec![v]);
                 let files = self.with_samples(&opened);
                 let id = (self.name)("raw", &|each| self.each_source(&opened, each));
                 findings(self.path, "raw", id, files, opened)
             }
             ItemKind::Raw => match &self.of.options.raw {
                 Some(raw) => {
-                    let volume = RawVolume::open(std::slice::from_ref(&self.path.to_path_buf()), raw);
+                    let volume = RawVolume::open(&[self.path.to_path_buf()], raw);
                     let opened = volume.map(|v| vec![Box::new(v) as _]);
                     findings(self.path, "raw", self.id("raw"), self.one(), opened)
                 }
@@ -215,9 +209,8 @@ impl ItemOpener<'_> {
     fn with_samples(&self, opened: &Volumes) -> InputFiles {
         let mut files = self.one();
         each_sample(self.path, opened, &mut |data| {
-            if let Ok(meta) = metadata(data) {
-                files.add(data, meta.len(), changed(&meta));
-            }
+            // Missing samples are reported where they are read.
+            let _missing = add_file(&mut files, data);
         });
         files
     }
@@ -235,11 +228,10 @@ impl ItemOpener<'_> {
         let stated = format.states_no_place.then(|| placing_of(&[self.path])).flatten();
         let id = (self.name)(format.name, &|each| {
             self.each_source(&opened, each);
-            stated.iter().for_each(|stated| each(stated.path()));
+            stated.iter().for_each(|stated| each(&stated.path));
         });
         if let Some(stated) = stated {
-            stated.add_to(&mut files);
-            opened = opened.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect());
+            opened = stated.place(opened, &mut files);
         }
         findings(self.path, format.name, id, files, opened)
     }
@@ -260,18 +252,13 @@ impl ItemOpener<'_> {
                 [only] => names.path(*only),
                 _ => folder.clone(),
             };
-            let own = used.first().map(|at| names.path(*at)).filter(|_| used.len() == 1);
-            let named: Vec<&Path> = own.iter().chain([&folder]).map(PathBuf::as_path).collect();
-            let stated = placing_of(&named);
+            let stated = placing_of(&[&path, &folder]);
             let id = (self.name)(format.name, &|each| {
                 used.iter().for_each(|at| each(&names.path(*at)));
-                stated.iter().for_each(|stated| each(stated.path()));
+                stated.iter().for_each(|stated| each(&stated.path));
             });
             let volumes = match stated {
-                Some(stated) => {
-                    stated.add_to(&mut files);
-                    volumes.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect())
-                }
+                Some(stated) => stated.place(volumes, &mut files),
                 None => volumes,
             };
             found.extend(findings(&path, format.name, id, files, volumes));
@@ -280,7 +267,11 @@ impl ItemOpener<'_> {
     }
 
     fn mesh(&self) -> Result<Finding> {
-        let format = mesh_format(self.path, self.first.size)?;
+        let opened = open_with_head(self.path);
+        let (_, head) = opened.map_err(|cause| SourceError::unreadable(self.path, cause))?;
+        // It was a mesh when its folder was searched.
+        let format = mesh::format_of(&head, self.first.size, self.path);
+        let format = format.ok_or_else(|| changed_meanwhile(self.path))?;
         let checked = mesh::check(self.path, self.of.options.follow_links);
         let subject = checked.map(|()| Subject::Mesh(vec![self.path.to_path_buf()]));
         let finding = Finding::new(self.path, format, self.id(format), self.one(), subject);
@@ -292,10 +283,7 @@ impl ItemOpener<'_> {
         let mut files = self.one();
         let all_there = named.and_then(|named| {
             for path in &named {
-                let unreadable =
-                    |cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause });
-                let meta = metadata(path).map_err(unreadable)?;
-                files.add(path, meta.len(), changed(&meta));
+                add_file(&mut files, path).map_err(|cause| SourceError::unreadable(path, cause))?;
             }
             Ok(named)
         });
@@ -322,18 +310,9 @@ fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
     }
 }
 
-/// The format of a mesh, which was one when its folder was searched.
-fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
-    let mut head = Vec::new();
-    let read = PositionalFile::open(path)
-        .and_then(|file| file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head));
-    read.map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
-    mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
-}
-
 /// The error of a file that changed after its folder was searched.
 pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
-    SourceError::from(bad!("was changed while the folders were searched; start again").at(path))
+    bad!("was changed while the folders were searched; start again").at(path).into()
 }
 
 /// The volumes of one file or folder.

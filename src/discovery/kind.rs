@@ -1,7 +1,7 @@
 //! Meshes and trees of solids, recognised by content.
 
 use std::fs;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use crate::csg;
@@ -17,6 +17,22 @@ use crate::text::plain_head;
 pub(super) fn solid_kind(head: &[u8], bytes: u64, path: &Path) -> Option<SubjectKind> {
     let mesh = mesh::format_of(head, bytes, path).map(|_| SubjectKind::Mesh);
     mesh.or_else(|| csg::is_tree(head, path).then_some(SubjectKind::Tree))
+}
+
+/// Opens a file, and reads its first bytes.
+///
+/// # Errors
+/// It cannot be read.
+pub(super) fn open_with_head(path: &Path) -> io::Result<(PositionalFile, Vec<u8>)> {
+    let file = PositionalFile::open(path)?;
+    let mut head = Vec::with_capacity(HEAD_BYTES);
+    file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+    Ok((file, head))
+}
+
+/// True if the name of a file has one of these extensions, in any case.
+pub(super) fn ends_in(path: &Path, extensions: &[&str]) -> bool {
+    path.extension().is_some_and(|own| extensions.iter().any(|e| own.eq_ignore_ascii_case(e)))
 }
 
 impl SubjectKind {
@@ -36,24 +52,20 @@ impl SubjectKind {
         if is_synthetic(path) {
             return Self::Volume;
         }
-        let mut head = Vec::new();
         let opened = match fs::metadata(path) {
             // Opening a pipe could wait forever.
             Ok(meta) if !meta.is_file() => return Self::Volume,
-            meta => meta.and_then(|meta| {
-                let file = PositionalFile::open(path)?;
-                file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
-                Ok((meta.len(), file))
-            }),
+            Ok(meta) => open_with_head(path).ok().map(|(file, head)| (meta.len(), file, head)),
+            Err(_) => None,
         };
-        let bytes = opened.as_ref().map_or(0, |(bytes, _)| *bytes);
-        let kind = solid_kind(&head, bytes, path).or_else(|| mesh::is_named(path).then_some(Self::Mesh));
-        let is_volume = |(_, file): (u64, PositionalFile)| {
-            !matches!(recognise(&file), Recognition::Foreign)
-                || FORMATS.iter().any(|format| (format.recognise)(&plain_head(&head), path))
-                || STACKS.iter().any(|format| (format.recognise)(&head, path))
+        let (bytes, head) = opened.as_ref().map_or((0, &[][..]), |(bytes, _, head)| (*bytes, head));
+        let kind = solid_kind(head, bytes, path).or_else(|| mesh::is_named(path).then_some(Self::Mesh));
+        let is_volume = |(_, file, head): &(u64, PositionalFile, Vec<u8>)| {
+            !matches!(recognise(file), Recognition::Foreign)
+                || FORMATS.iter().any(|format| (format.recognise)(&plain_head(head), path))
+                || STACKS.iter().any(|format| (format.recognise)(head, path))
         };
-        kind.filter(|_| !opened.is_ok_and(is_volume)).unwrap_or(Self::Volume)
+        kind.filter(|_| !opened.as_ref().is_some_and(is_volume)).unwrap_or(Self::Volume)
     }
 }
 

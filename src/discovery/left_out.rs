@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use super::log::{Log, NONE, Record};
+use super::log::{Log, Record};
 use crate::platform::OsStrExt;
 use crate::source::natural_cmp;
 use crate::volume::{Result, SourceError};
@@ -53,7 +53,7 @@ pub struct LeftOut {
 pub(super) struct LeftOutFiles {
     kinds: Vec<LeftOut>,
     log: Log,
-    /// Reasons, by the number that a record has in place of the file's size.
+    /// Reasons of the kinds before they were sorted, by the number that a record has in place of the file's size.
     reasons: Vec<NotVolume>,
 }
 
@@ -69,52 +69,27 @@ impl LeftOutFiles {
 
     /// Leaves out a file by its whole path; it is counted in any case.
     pub(super) fn add(&mut self, why: NotVolume, path: PathBuf) -> Result {
-        let noted = self.note(&why, &path);
-        self.count(why, path);
-        noted
-    }
-
-    fn count(&mut self, why: NotVolume, path: PathBuf) {
-        let kinds = &mut self.kinds;
-        let at = kinds.iter().position(|known| known.why == why);
+        let place_of = |why: &NotVolume| self.kinds.iter().position(|known| known.why == *why);
         // Offsets and counts can make many reasons; a bound keeps a folder of junk from piling them up.
-        let at = at.or_else(|| {
-            (kinds.len() >= MAX_REASONS)
-                .then(|| kinds.iter().position(|known| known.why == NotVolume::Other))
-                .flatten()
-        });
-        match at.and_then(|at| kinds.get_mut(at)) {
+        let is_new = place_of(&why).is_none();
+        let why = if is_new && self.kinds.len() >= MAX_REASONS { NotVolume::Other } else { why };
+        let at = place_of(&why).unwrap_or(self.kinds.len());
+        let noted = self.log.push(&Record { size: at as u64, ..Record::of(0, &path) });
+        match self.kinds.get_mut(at) {
             Some(known) => {
                 known.count += 1;
                 if natural_cmp(path.as_os_str().as_bytes(), known.first.as_os_str().as_bytes()).is_lt() {
                     known.first = path;
                 }
             }
-            None => {
-                let why = if kinds.len() >= MAX_REASONS { NotVolume::Other } else { why };
-                kinds.push(LeftOut { why, count: 1, first: path });
-            }
+            None => self.kinds.push(LeftOut { why, count: 1, first: path }),
         }
+        noted.map(drop)
     }
 
-    fn note(&mut self, why: &NotVolume, path: &Path) -> Result {
-        let number = self.reasons.iter().position(|known| known == why);
-        let number = number.unwrap_or_else(|| {
-            // Many reasons become one, like the counts.
-            let full = self.reasons.len() >= MAX_REASONS;
-            self.reasons.push(if full { NotVolume::Other } else { why.clone() });
-            if self.reasons.len() > MAX_REASONS + 1 {
-                self.reasons.pop();
-            }
-            self.reasons.len() - 1
-        });
-        let size = number as u64;
-        self.log.push(&Record { before: NONE, size, changed: 0, input: 0, path: path.to_path_buf() })?;
-        Ok(())
-    }
-
-    /// Kinds by the number of their files, then in natural order of the first ones.
+    /// Kinds by the number of their files, then in natural order of the first ones; called once, after all files.
     pub(super) fn sort(&mut self) {
+        self.reasons = self.kinds.iter().map(|kind| kind.why.clone()).collect();
         crate::order::by(&mut self.kinds, |a, b| {
             let bytes = |l: &'_ LeftOut| l.first.clone().into_os_string();
             b.count.cmp(&a.count).then_with(|| natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes()))
@@ -136,11 +111,10 @@ impl LeftOutFiles {
         each: &mut dyn FnMut(&NotVolume, &Path) -> Result<(), E>,
     ) -> Result<(), E> {
         if self.kinds.iter().map(|kind| kind.count).sum::<u64>() > MAX_SORTED {
-            for file in self.all() {
+            return self.all().try_for_each(|file| {
                 let (why, path) = file?;
-                each(why, &path)?;
-            }
-            return Ok(());
+                each(why, &path)
+            });
         }
         let mut files = self.all().collect::<Result<Vec<_>, _>>()?;
         let bytes = |path: &PathBuf| path.clone().into_os_string();

@@ -9,11 +9,13 @@
 //! ```
 
 use std::ffi::OsStr;
+use std::fs::{self, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::platform::OsStrExt;
+use crate::platform::{self, OsStrExt};
 use crate::scratch::Appended;
+use crate::source::InputFiles;
 use crate::volume::{Result, SourceError, SourceFault};
 
 /// No record: the end of a chain.
@@ -41,6 +43,13 @@ pub(super) struct Record {
     pub(super) input: u32,
     /// Path below the input; empty when the input is the file.
     pub(super) path: PathBuf,
+}
+
+impl Record {
+    /// A record without a chain and without facts of the file.
+    pub(super) fn of(input: u32, path: &Path) -> Self {
+        Self { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() }
+    }
 }
 
 /// Records in an unnamed scratch file, the last ones in memory.
@@ -130,6 +139,23 @@ impl Log {
             Some(record)
         })
     }
+}
+
+/// Time of change of a file, as bits that differ when the time does.
+pub(super) fn changed(meta: &Metadata) -> u64 {
+    const NANOSECONDS: i64 = 1_000_000_000;
+    let (seconds, nanoseconds) = platform::changed(meta);
+    seconds.wrapping_mul(NANOSECONDS).wrapping_add(nanoseconds).cast_unsigned()
+}
+
+/// Adds a file to those of a volume, with its size and time of change as they are now.
+///
+/// # Errors
+/// It is missing.
+pub(super) fn add_file(files: &mut InputFiles, path: &Path) -> io::Result<()> {
+    let meta = fs::metadata(path)?;
+    files.add(path, meta.len(), changed(&meta));
+    Ok(())
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, options.follow_links, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
+        let Surveyor { items, log, left_out, .. } = surveyor;
         let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
@@ -114,51 +114,40 @@ impl Catalogue {
     ///
     /// Cost: headers, and some 256 KiB of the content of other formats than DICOM, which names them.
     pub fn open(&self, index: usize) -> Vec<Finding> {
-        let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
         let findings = self.open_named(index, &|format, files| match hash_of(files) {
             Ok(hash) => format!("{format}-{hash}"),
             // An unreadable input is not built: its name only has to distinguish it from others in reports.
-            Err(_) => unreadable(format),
+            Err(_) => format!("{format}-unreadable-{}", index + 1),
         });
-        self.first_of_many(self.joined(findings))
+        self.gathered(findings)
     }
 
-    /// The segments of a segmentation as one map, if masks are taken together.
-    fn joined(&self, findings: Vec<Finding>) -> Vec<Finding> {
-        match self.options.masks {
+    /// The segments of a segmentation as one map, if masks are taken together, and the first of very many volumes of one
+    /// input that are alike, unless all are wanted: a functional study has five hundred.
+    fn gathered(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        let findings = match self.options.masks {
             Some(overlap) => join_segments(findings, overlap),
             None => findings,
-        }
-    }
-
-    /// The first of very many volumes of one input that are alike, unless all are wanted: a functional study has
-    /// five hundred.
-    fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        };
         if self.options.all_volumes || findings.len() <= MAX_ALIKE {
             return findings;
         }
         let alike = |a: &Finding, b: &Finding| (a.format, &a.kind, a.size) == (b.format, &b.kind, b.size);
-        let mut kept: Vec<Finding> = Vec::new();
-        let mut passed_over: Vec<Vec<Finding>> = Vec::new();
-        for finding in findings {
-            match kept.iter().position(|known| alike(known, &finding)) {
-                None => {
-                    kept.push(finding);
-                    passed_over.push(Vec::new());
-                }
-                Some(at) => {
+        let mut kept: Vec<(Finding, Vec<Finding>)> = Vec::new();
+        for mut finding in findings {
+            match kept.iter_mut().find(|(known, _)| alike(known, &finding)) {
+                None => kept.push((finding, Vec::new())),
+                Some((known, others)) => {
                     // The first that can be used stands for all of them.
-                    let better = kept[at].subject.is_err() && finding.subject.is_ok();
-                    passed_over[at].push(if better {
-                        std::mem::replace(&mut kept[at], finding)
-                    } else {
-                        finding
-                    });
+                    if known.subject.is_err() && finding.subject.is_ok() {
+                        std::mem::swap(known, &mut finding);
+                    }
+                    others.push(finding);
                 }
             }
         }
         let mut all: Vec<Finding> = Vec::new();
-        for (finding, others) in kept.into_iter().zip(passed_over) {
+        for (finding, others) in kept {
             if others.len() < MAX_ALIKE {
                 all.push(finding);
                 all.extend(others);
@@ -191,18 +180,17 @@ impl Catalogue {
         let before = self.stamp(item);
         let opened = self.open_item(item, name).unwrap_or_else(refused);
         let mut findings: Vec<Finding> = opened.into_iter().map(watched).collect();
+        // From here on the volumes watch their files themselves.
+        let has_changed = self.stamp(item) != before;
         for (at, finding) in findings.iter_mut().enumerate() {
             finding.at = at;
-        }
-        // From here on the volumes watch their files themselves.
-        if self.stamp(item) != before {
-            for finding in findings.iter_mut().filter(|finding| finding.subject.is_ok()) {
+            if has_changed && finding.subject.is_ok() {
                 finding.subject = Err(changed_meanwhile(&finding.path));
             }
-        }
-        for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
-            // Images that have become unreadable do not name their series.
-            finding.id = name(finding.format, &|each| each(&finding.path));
+            if finding.id.is_empty() {
+                // Images that have become unreadable do not name their series.
+                finding.id = name(finding.format, &|each| each(&finding.path));
+            }
         }
         if !self.options.placement.is_empty() && self.options.raw.is_none() {
             let asked = self.options.placement;
@@ -217,7 +205,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. An unreadable
     /// volume is not a copy.
     pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.first_of_many(self.joined(self.open_unnamed(index))).into_iter();
+        let mut others = self.gathered(self.open_unnamed(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
@@ -260,13 +248,13 @@ impl Catalogue {
     fn leave_single_pictures(&mut self) -> Result {
         let mut kept = Vec::with_capacity(self.items.len());
         for item in &self.items {
-            if matches!(item.what, ItemKind::Stack(_)) && item.files == 1 {
+            if let ItemKind::Stack(at) = item.what
+                && item.files == 1
+            {
                 let record = self.log.get(item.first)?;
                 let path = full_path(&self.inputs, &record);
-                let is_whole = |at: u8| STACKS.get(usize::from(at)).is_some_and(|f| (f.is_whole)(&path));
-                if !record.path.as_os_str().is_empty()
-                    && !matches!(item.what, ItemKind::Stack(at) if is_whole(at))
-                {
+                let is_whole = STACKS.get(usize::from(at)).is_some_and(|format| (format.is_whole)(&path));
+                if !record.path.as_os_str().is_empty() && !is_whole {
                     self.left_out.add(left_out::said("single picture, no stack"), path)?;
                     continue;
                 }

@@ -1,27 +1,24 @@
 //! Opening of inputs of every kind.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::sidecar;
-use super::{Catalogue, Finding, OpenOptions};
+use super::kind::{ends_in, open_with_head};
+use super::{Catalogue, Finding, NotVolume, OpenOptions, sidecar};
 use crate::budget::Budget;
-use crate::discovery::NotVolume;
 use crate::fault::{Fault, FaultKind, bad, unfit, usage};
 use crate::mesh;
-use crate::platform::PositionalFile;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
-use crate::source::{HEAD_BYTES, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder};
+use crate::source::{RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder};
 use crate::synthetic;
 use crate::text::names::{DIMS, DTYPE, GRID, ISO, KEEP_NAMES, RANGE, SCAN, VOLUME, VOXEL};
 use crate::text::{Count, shown};
 use crate::volume::{
     FileWatch, ImageKind, InfoOverride, MAX_MASKS, MaskPart, Masks, Note, Overlap, Result, SourceError,
-    SourceFault, StatedBy, StatedLabel, VolumeSource, Workspace, place,
+    StatedBy, StatedLabel, VolumeSource, Workspace, place,
 };
-use std::fmt;
 
 /// Depth to which folders are searched below the given one.
 const DEPTH: u32 = 5;
@@ -87,12 +84,9 @@ pub(crate) fn open_unprepared_in(
 fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
-            return Err(synthetic::usage(described, synthetic::described()));
+            return Err(synthetic::described().at(described).into());
         }
-        if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
-            let path = inputs.first().cloned().unwrap_or_default();
-            return Err(usage!("there is no volume {wanted}: the input has only one").at(path).into());
-        }
+        only_one(options, inputs.first().map_or(Path::new(""), PathBuf::as_path))?;
         return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
@@ -120,14 +114,10 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
             && let Some(description) = sidecar::of(data)
         {
             let volume =
-                FileWatch::files(sidecar::open_with(&description, Some(data), options)?, Some(&description));
+                FileWatch::files(sidecar::open(&description, Some(data), options)?, Some(&description));
             let volume = place(volume, options.placement, StatedBy::Caller)?;
-            return match options.volume {
-                None | Some(1) => Ok(volume),
-                Some(wanted) => {
-                    Err(usage!("there is no volume {wanted}: the input has only one").at(data).into())
-                }
-            };
+            only_one(options, data)?;
+            return Ok(volume);
         }
         return Err(nothing(inputs, &found, first));
     }
@@ -143,6 +133,14 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
         }
     }
     choice.decide(first, &found)
+}
+
+/// Refuses a choice of another volume than the only one of an input.
+fn only_one(options: &OpenOptions, input: &Path) -> Result {
+    match options.volume {
+        None | Some(1) => Ok(()),
+        Some(wanted) => Err(usage!("there is no volume {wanted}: the input has only one").at(input).into()),
+    }
 }
 
 /// Several volumes as the masks of one map; `None` where there is one volume.
@@ -199,13 +197,10 @@ pub(super) fn join_segments(findings: Vec<Finding>, overlap: Overlap) -> Vec<Fin
         Some((whole, part)) if part.starts_with("segment") => whole.to_owned(),
         _ => id.clone(),
     };
-    let (path, kind, more) = (path.clone(), kind.clone(), findings.len() - 1);
-    let (format, files, burned_in, body_part) = (*format, *files, *burned_in, body_part.clone());
-    let map = joined(findings, overlap);
-    let size = map.as_ref().ok().map(|map| map.info().dims.to_array());
-    let subject = map.map(Subject::Volume);
-    let part = None;
-    vec![Finding { path, id, format, kind, body_part, part, size, files, burned_in, at: 0, more, subject }]
+    let (path, kind, body_part, more) = (path.clone(), kind.clone(), body_part.clone(), findings.len() - 1);
+    let (format, files, burned_in) = (*format, *files, *burned_in);
+    let map = joined(findings, overlap).map(Subject::Volume);
+    vec![Finding { kind, body_part, burned_in, more, ..Finding::new(&path, format, id, files, map) }]
 }
 
 /// A volume of labels with the names to be stored: the meanings of codes, or typed names.
@@ -473,15 +468,13 @@ fn known_otherwise(what: &str) -> Fault {
 
 /// The refusal of inputs without a volume.
 fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
-    if let [path] = inputs
-        && path.is_file()
-    {
-        return refuse_file(path);
-    }
-    if let [path] = inputs
-        && let Some(error) = sidecar::wrong_beside(path)
-    {
-        return error;
+    if let [path] = inputs {
+        if path.is_file() {
+            return refuse_file(path);
+        }
+        if let Some(error) = sidecar::wrong_beside(path) {
+            return error;
+        }
     }
     if let Some(what) = known_folder(first) {
         return known_otherwise(what).at(first).into();
@@ -506,23 +499,21 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
 /// The refusal of a single file that is not a volume.
 fn refuse_file(path: &Path) -> SourceError {
     let unusable = |fault: Fault| SourceError::from(fault.at(path));
-    let opened = PositionalFile::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
-    let (length, file) = match opened {
+    let (file, head) = match open_with_head(path) {
         Ok(opened) => opened,
-        Err(cause) => return SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
+        Err(cause) => return SourceError::unreadable(path, cause),
     };
-    if length == 0 {
+    if head.is_empty() {
         return unusable(bad!("is empty; give a DICOM series or headerless voxels"));
     }
     if let Recognition::NoImage(kind) = recognise(&file) {
-        return unfit!("{kind}").at(path).into();
+        return unusable(unfit!("{kind}"));
     }
-    if let Some(what) = known(&head_of(&file)) {
+    if let Some(what) = known(&head) {
         return unusable(known_otherwise(what));
     }
     // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
-    let promises = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
-    if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
+    if ends_in(path, &["dcm", "dicom", "ima"]) {
         return unusable(bad!(
             "is not DICOM, in spite of its name; for headerless voxels add {DIMS} and {DTYPE}"
         ));
@@ -532,7 +523,7 @@ fn refuse_file(path: &Path) -> SourceError {
             "is a mesh by its name, and is not read as a volume; meshes (STL, PLY, OBJ, OFF, glTF, 3MF) are built by themselves, with {GRID} N or {VOXEL} MM"
         ));
     }
-    let misuse = if promises("vol") {
+    let misuse = if ends_in(path, &["vol"]) {
         usage!(
             "contains headerless voxels, judging by its name (.vol); put the .vgi that describes it into its folder, or add {DIMS} NXxNYxNZ and {DTYPE}"
         )
@@ -541,16 +532,7 @@ fn refuse_file(path: &Path) -> SourceError {
             "is not a file of a known kind; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}, or put a side-car with dims and dtype beside it, as NAME.json"
         )
     };
-    let undescribed = || SourceError::from(misuse.at(path));
-    sidecar::wrong_beside(path).unwrap_or_else(undescribed)
-}
-
-/// The first bytes of a file.
-fn head_of(file: &PositionalFile) -> Vec<u8> {
-    let mut head = Vec::new();
-    // An unreadable file has an unknown head.
-    let _ = file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head);
-    head
+    sidecar::wrong_beside(path).unwrap_or_else(|| unusable(misuse))
 }
 
 #[cfg(test)]
@@ -591,20 +573,13 @@ mod tests {
         };
         for (name, bytes, kind, words) in [
             ("a.raw", &[7; 100][..], ExitKind::Usage, "add dims"),
-            ("a.dcm", &[7; 100], ExitKind::Input, "in spite of its name"),
             ("b.raw", &[], ExitKind::Input, "is empty"),
             ("a.nrrd", b"NRRD0004\n", ExitKind::Input, "no sample type"),
             ("a.gz", b"\x1f\x8b\x08", ExitKind::Input, "a gzip file"),
-            ("a.oct", b"\x89OCT\r\n\x1a\n", ExitKind::Input, "an .oct model"),
         ] {
             let (got, text) = refusal(name, bytes);
             assert!(got == kind && text.contains(words), "{name}: {text}");
         }
-        let missing = open(&[folder.path().join("nothing")], &OpenOptions::default()).err().unwrap();
-        assert!(missing.to_string().contains("check that it exists"), "{missing}");
-        let empty = folder.path().join("empty");
-        std::fs::create_dir(&empty).unwrap();
-        assert!(open(&[empty], &OpenOptions::default()).err().unwrap().to_string().contains("holds no file"));
         assert_eq!(open(&[], &OpenOptions::default()).err().unwrap().kind(), ExitKind::Usage);
     }
 }

@@ -6,15 +6,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::InputFiles;
-use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
-use super::walk::changed;
+use super::item::Volumes;
+use super::kind::ends_in;
+use super::log::add_file;
+use super::sidecar::{candidates, is_named_so, keys_of, longer, unparsed, with_unknown};
 use crate::fault::{Fault, bad};
-use crate::volume::{FileWatch, Placement, Result, SourceError, StatedBy, VolumeSource, place};
+use crate::volume::{FileWatch, Placement, Result, SourceError, StatedBy, place};
 
 /// A side-car of data that states the rest itself.
 pub(super) struct PlacementSidecar {
     /// The side-car.
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// Its contents, or its fault.
     said: Result<(Placement, Vec<String>), Fault>,
 }
@@ -47,9 +49,10 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<PlacementSidecar> {
         let data = whole.as_deref().unwrap_or(data);
         let name = data.file_name()?;
         if data.is_dir() {
-            inside.extend(candidates(&data.join(name)).chain(candidates(&data.join(INSIDE))));
+            inside.extend(candidates(&data.join(name)));
+            inside.extend(candidates(&data.join(INSIDE)));
         }
-        candidates(data).chain(inside).find_map(|path| {
+        candidates(data).into_iter().chain(inside).find_map(|path| {
             // An unreadable side-car with the name of the data counts, since it would have placed it.
             if let Some(unparsed) = unparsed(&path) {
                 return Some(PlacementSidecar { path, said: Err(bad!("{unparsed}")) });
@@ -70,58 +73,41 @@ pub(super) fn places(path: &Path) -> bool {
 /// True if data that a side-car of this name may place lies next to it, or around it.
 pub(super) fn may_place(path: &Path) -> bool {
     let has_pictures = |folder: &Path| {
-        let is_picture = |name: PathBuf| {
-            PLACED.iter().skip(1).any(|e| name.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
-        };
-        fs::read_dir(folder).is_ok_and(|all| all.flatten().any(|entry| is_picture(entry.file_name().into())))
+        let is_picture = |entry: fs::DirEntry| ends_in(entry.file_name().as_ref(), &PLACED[1..]);
+        fs::read_dir(folder).is_ok_and(|all| all.flatten().any(is_picture))
     };
     let (folder, stem) = (path.parent().unwrap_or(Path::new("")), path.file_stem());
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let inside = stem == Some(OsStr::new(INSIDE)) || (stem.is_some() && stem == folder.file_name());
     let beside = path.with_extension("");
     // `a.npy.json`, `a.json`; the stem may have dots of its own.
-    let is_file = |ending: &str| {
-        let mut longer = beside.as_os_str().to_owned();
-        longer.push(".");
-        longer.push(ending);
-        Path::new(&longer).is_file()
-    };
-    let own = |e: &&str| beside.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
     (inside && has_pictures(folder))
         || has_pictures(&beside)
-        || (PLACED.iter().any(own) && beside.is_file())
-        || PLACED.iter().any(|e| is_file(e))
+        || (ends_in(&beside, &PLACED) && beside.is_file())
+        || PLACED.iter().any(|ending| longer(&beside, ending).is_file())
 }
 
 impl PlacementSidecar {
-    /// The side-car.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Counts the side-car among the files of a volume, so that a change of it is noticed.
-    pub(super) fn add_to(&self, files: &mut InputFiles) {
-        if let Ok(meta) = fs::metadata(&self.path) {
-            files.add(&self.path, meta.len(), changed(&meta));
-        }
-    }
-
-    /// A volume where the side-car says.
+    /// Volumes where the side-car says. It counts among their files, so that a change of it is noticed.
     ///
     /// # Errors
     /// The side-car is faulty.
-    pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>> {
-        let unusable = |fault: &Fault| SourceError::from(fault.clone().at(&self.path));
-        let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
-        let by = StatedBy::SideCar;
-        let volume = FileWatch::description(place(volume, *placement, by)?, &self.path);
-        Ok(with_unknown(volume, unknown, &PLACING_KEYS))
+    pub(super) fn place(self, volumes: Volumes, files: &mut InputFiles) -> Volumes {
+        let _missing = add_file(files, &self.path);
+        let volumes = volumes?;
+        let (placement, unknown) = self.said.map_err(|fault| SourceError::from(fault.at(&self.path)))?;
+        let placed = |volume| {
+            let volume = place(volume, placement, StatedBy::SideCar)?;
+            Ok(with_unknown(FileWatch::description(volume, &self.path), &unknown, &PLACING_KEYS))
+        };
+        volumes.into_iter().map(placed).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn a_file_comes_before_its_folder_and_a_raw_side_car_is_another_thing() {
@@ -166,11 +152,7 @@ mod tests {
             ("a.json", r#"{"spacing": [0.5, 0.5, 2], "orientation": "RAI", "file": "a.npy", "x": [{}]}"#),
             ("a.toml", "spacing = [0.5,\n 0.5, 2]\norientation = 'RAI'\nfile = \"a.npy\"\nx = 1\n"),
         ];
-        let mut state = 7_u64;
-        let mut below = |n: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            usize::try_from(state >> 33).unwrap() % n
-        };
+        let mut random = Random(7);
         let (mut sound, mut wrong) = (0, 0);
         for (name, text) in good {
             let path = folder.path().join(name);
@@ -190,9 +172,9 @@ mod tests {
             (0..=text.len()).for_each(|end| look(&text.as_bytes()[..end]));
             for _ in 0..1000 {
                 let mut bytes = text.as_bytes().to_vec();
-                for _ in 0..=below(3) {
-                    let at = below(bytes.len());
-                    bytes[at] = u8::try_from(below(256)).unwrap();
+                for _ in 0..=random.below(3) {
+                    let at = random.below(bytes.len());
+                    bytes[at] = u8::try_from(random.below(256)).unwrap();
                 }
                 look(&bytes);
             }

@@ -84,11 +84,8 @@ pub(super) fn keys_of(path: &Path) -> Option<Keys> {
 fn parse(path: &Path, bytes: &[u8]) -> Result<Keys, String> {
     let mark = mark_bytes(bytes).map_err(|wide| wide.to_string())?;
     let text = String::from_utf8_lossy(bytes.get(mark..).unwrap_or_default());
-    if is_toml(path) { Keys::of_toml(&text) } else { Keys::of_json(&text) }
-}
-
-fn is_toml(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e == "toml")
+    let is_toml = path.extension().is_some_and(|e| e == "toml");
+    if is_toml { Keys::of_toml(&text) } else { Keys::of_json(&text) }
 }
 
 /// The bytes of a text that is short enough for a side-car, or the error of reading it.
@@ -130,14 +127,10 @@ pub(super) fn incomplete(path: &Path) -> Option<String> {
 
 /// The fault of a side-car next to a file of samples, if there is one: a correct side-car would have been read.
 pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
-    let longer = |suffix: &str| {
-        let mut name = data.file_name().unwrap_or_default().to_owned();
-        name.push(".");
-        name.push(suffix);
-        data.with_file_name(name)
-    };
-    let named = ["json", "toml"].into_iter().flat_map(|suffix| [data.with_extension(suffix), longer(suffix)]);
-    named.into_iter().find_map(|path| match read(&path) {
+    let plain = data.with_file_name(data.file_name().unwrap_or_default());
+    let mut named =
+        ["json", "toml"].into_iter().flat_map(|ending| [data.with_extension(ending), longer(&plain, ending)]);
+    named.find_map(|path| match read(&path) {
         Some(Err(error)) => Some(error),
         Some(Ok(_)) => None,
         None => {
@@ -201,21 +194,24 @@ pub(super) fn with_unknown(
     )
 }
 
+/// A path with one more ending.
+pub(super) fn longer(path: &Path, ending: &str) -> PathBuf {
+    let mut longer = path.as_os_str().to_owned();
+    longer.push(".");
+    longer.push(ending);
+    longer.into()
+}
+
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.
-pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
-    let longer = |ending: &str| {
-        let mut longer = data.as_os_str().to_owned();
-        longer.push(".");
-        longer.push(ending);
-        PathBuf::from(longer)
-    };
-    let longer = ["json", "toml"].map(longer);
-    longer.into_iter().chain(["json", "toml"].into_iter().map(|ending| data.with_extension(ending)))
+pub(super) fn candidates(data: &Path) -> [PathBuf; 4] {
+    let exact = |ending| longer(data, ending);
+    let by_stem = |ending| data.with_extension(ending);
+    [exact("json"), exact("toml"), by_stem("json"), by_stem("toml")]
 }
 
 /// The side-car of a file or folder.
 pub(super) fn of(data: &Path) -> Option<PathBuf> {
-    candidates(data).find(|sidecar| match read(sidecar) {
+    candidates(data).into_iter().find(|sidecar| match read(sidecar) {
         Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
         Some(Err(_)) => true,
         None => false,
@@ -230,7 +226,8 @@ pub(super) fn is_outdone(path: &Path) -> bool {
     };
     // One of another name that states its data does not replace that next to the data: both count.
     data.is_some_and(|data| {
-        candidates(&data).any(|candidate| candidate == path) && of(&data).is_some_and(|first| first != path)
+        candidates(&data).iter().any(|candidate| candidate == path)
+            && of(&data).is_some_and(|first| first != path)
     })
 }
 
@@ -239,23 +236,12 @@ pub(super) fn describes(data: &Path) -> bool {
     of(data).is_some()
 }
 
-/// Opens the volume that a side-car describes, placed by the options where the side-car does not say.
+/// Opens the volume that a side-car describes, placed by the options where the side-car does not say; `asked` is the file
+/// of samples where the side-car names none.
 ///
 /// # Errors
 /// The side-car is faulty, or its data is missing, of another length, or one of several.
-pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
-    open_with(path, None, how)
-}
-
-/// Like [`open`], with this file of samples where the side-car names none.
-///
-/// # Errors
-/// The errors of [`open`].
-pub(super) fn open_with(
-    path: &Path,
-    asked: Option<&Path>,
-    how: &OpenOptions,
-) -> Result<Box<dyn VolumeSource>> {
+pub(super) fn open(path: &Path, asked: Option<&Path>, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     let sidecar =
         read(path).ok_or_else(|| unusable(path, bad!("is not a description of a raw volume any more")))??;
     let data = match (&sidecar.file, asked) {
@@ -374,7 +360,7 @@ mod tests {
         let opened = |more: &str| {
             let text = format!(r#"{{"dims": [2, 2, 2], "dtype": "u8"{more}}}"#);
             fs::write(at("a.json"), text).unwrap();
-            open(&at("a.json"), &OpenOptions::default()).map(|v| v.info().clone())
+            open(&at("a.json"), None, &OpenOptions::default()).map(|v| v.info().clone())
         };
         let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
         assert_eq!((info.spacing_mm, info.notes.len()), ([1.0, 2.0, 3.0], 0));
@@ -397,14 +383,14 @@ mod tests {
         fs::write(at("a.json"), r#"{"dims": [2, 2, 3], "dtype": "u16", "skip": 5}"#).unwrap();
         for (bytes, key) in [(12 + 5, "dtype"), (24 + 5 + 3, "skip"), (100, "dims"), (7, "dims")] {
             fs::write(at("a.raw"), vec![1; bytes]).unwrap();
-            let text = open(&at("a.json"), &OpenOptions::default()).err().unwrap().to_string();
+            let text = open(&at("a.json"), None, &OpenOptions::default()).err().unwrap().to_string();
             let good = text.contains("a.json") && text.contains("a.raw") && !text.contains("--");
             assert!(good && text.contains(&format!("correct the key {key},")), "{text}");
         }
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s.json"), r#"{"dims": [2, 2, 2], "dtype": "u8"}"#).unwrap();
-        let text = open(&at("s.json"), &OpenOptions::default()).err().unwrap().to_string();
+        let text = open(&at("s.json"), None, &OpenOptions::default()).err().unwrap().to_string();
         assert!(text.contains("s.json") && text.contains("the key dims") && !text.contains("--"), "{text}");
     }
 
@@ -456,7 +442,7 @@ mod tests {
         let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
         fs::write(at("a.json"), text).unwrap();
         assert!(
-            open(&at("a.json"), &OpenOptions::default())
+            open(&at("a.json"), None, &OpenOptions::default())
                 .err()
                 .unwrap()
                 .to_string()
@@ -465,25 +451,27 @@ mod tests {
         fs::write(at("a.raw"), [1; 8]).unwrap();
         fs::write(at("a.oct"), [1; 9]).unwrap();
         assert!(describes(&at("a.raw")) && !describes(&at("b.raw")));
-        assert_eq!(open(&at("a.json"), &OpenOptions::default()).unwrap().info().dims.voxels(), 8);
+        assert_eq!(open(&at("a.json"), None, &OpenOptions::default()).unwrap().info().dims.voxels(), 8);
         fs::write(at("b.json"), r#"{"dims": [2, 2, 2], "dtype": "u8", "file": "other"}"#).unwrap();
         fs::write(at("b.raw"), [1; 8]).unwrap();
         assert!(!describes(&at("b.raw")));
-        assert!(open(&at("b.json"), &OpenOptions::default()).err().unwrap().to_string().contains("other"));
+        assert!(
+            open(&at("b.json"), None, &OpenOptions::default()).err().unwrap().to_string().contains("other")
+        );
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
-        assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
+        assert!(describes(&at("s")) && open(&at("s.toml"), None, &OpenOptions::default()).is_ok());
         // Several files of the stem: the described length decides, or the given name.
         fs::write(at("a.dat"), [0; 9]).unwrap();
-        assert!(open(&at("a.json"), &OpenOptions::default()).is_ok());
+        assert!(open(&at("a.json"), None, &OpenOptions::default()).is_ok());
         fs::write(at("a.dat"), [0; 8]).unwrap();
-        let told = open(&at("a.json"), &OpenOptions::default()).err().unwrap().to_string();
+        let told = open(&at("a.json"), None, &OpenOptions::default()).err().unwrap().to_string();
         assert!(told.contains("a.dat as well as a.raw"), "{told}");
         for (name, due) in [("a.raw", 1), ("a.dat", 0)] {
             let asked = at(name);
-            let volume = open_with(&at("a.json"), Some(&asked), &OpenOptions::default()).unwrap();
+            let volume = open(&at("a.json"), Some(&asked), &OpenOptions::default()).unwrap();
             let mut row = [7; 2];
             volume.read_rows(0, 0..1, 0..2, &mut row).unwrap();
             assert_eq!(row, [due; 2], "{name}");

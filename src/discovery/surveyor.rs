@@ -2,38 +2,36 @@
 //!
 //! [`Catalogue`]: super::Catalogue
 
-use crate::platform::{OsStrExt, PositionalFile};
 use std::collections::HashMap;
-use std::fs::Metadata;
-use std::io::{self, Read};
+use std::fs::{self, Metadata};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::item::{Item, ItemKind, Weight};
-use super::kind::solid_kind;
-use super::left_out::LeftOutFiles;
-use super::log::{Log, NONE, Record};
+use super::kind::{ends_in, open_with_head, solid_kind};
+use super::left_out::{LeftOutFiles, NotVolume, said};
+use super::log::{Log, Record, changed};
 use super::order::{full_path, precedes};
-use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
-use crate::discovery::NotVolume;
-use crate::discovery::left_out::said;
 use crate::picture_mark::is_own_picture;
+use crate::platform::{OsStrExt, below};
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{
-    FORMATS, HEAD_BYTES, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,
+    FORMATS, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,
 };
 use crate::synthetic;
 use crate::text::names::{GRID, VOXEL};
 use crate::text::plain_head;
-use crate::volume::{Result, SourceFault};
+use crate::volume::{Result, SourceError};
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
     inputs: &'a [PathBuf],
     options: &'a OpenOptions,
-    items: Vec<Item>,
-    log: Log,
-    left_out: LeftOutFiles,
+    /// Items in the order of the walk.
+    pub(super) items: Vec<Item>,
+    pub(super) log: Log,
+    pub(super) left_out: LeftOutFiles,
     /// Items that take more than one file, by their kind and a hash of their key.
     index: HashMap<(ItemKind, u64), u32>,
 }
@@ -60,14 +58,8 @@ impl<'a> Surveyor<'a> {
         }
     }
 
-    /// The findings, in the order of the walk.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, LeftOutFiles) {
-        (self.items, self.log, self.left_out)
-    }
-
     fn path(&self, input: u32, path: &Path) -> PathBuf {
-        let record = Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
-        full_path(self.inputs, &record)
+        full_path(self.inputs, &Record::of(input, path))
     }
 
     fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class> {
@@ -75,18 +67,16 @@ impl<'a> Surveyor<'a> {
         if meta.len() == 0 {
             return left_out(said("empty file"));
         }
-        let mut head = Vec::with_capacity(HEAD_BYTES);
-        let opened = PositionalFile::open(path).and_then(|file| {
-            file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
-            Ok(file)
-        });
-        let file = match opened {
-            Ok(file) => file,
-            // A file that was named must be readable; one met in a folder is only reported.
-            Err(cause) if named => {
-                return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
+        // A file that was named must be readable; one met in a folder is only reported.
+        let unreadable = |cause: io::Error| {
+            if named {
+                return Err(SourceError::unreadable(path, cause));
             }
-            Err(cause) => return left_out(unreadable(&cause)),
+            left_out(said(format!("cannot be read ({})", cause.kind())))
+        };
+        let (file, head) = match open_with_head(path) {
+            Ok(opened) => opened,
+            Err(cause) => return unreadable(cause),
         };
         match recognise(&file) {
             Recognition::Image { series, frames, opening_bytes } => {
@@ -106,10 +96,7 @@ impl<'a> Surveyor<'a> {
             }
             Recognition::NoImage(kind) => return left_out(said(kind.to_string())),
             Recognition::Damaged(_) => return Ok(Class::Item(ItemKind::Damaged, None, Weight::FILE)),
-            Recognition::Unreadable(cause) if named => {
-                return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
-            }
-            Recognition::Unreadable(cause) => return left_out(unreadable(&cause)),
+            Recognition::Unreadable(cause) => return unreadable(cause),
             Recognition::Foreign => {}
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
@@ -144,16 +131,16 @@ impl<'a> Surveyor<'a> {
         if let Some(what) = known(&head) {
             return left_out(said(what));
         }
-        if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
-            if sidecar::is_outdone(path) {
-                return left_out(said("another side-car describes the same data"));
+        if sidecar::is_named_so(path) {
+            if sidecar::read(path).is_some() {
+                if sidecar::is_outdone(path) {
+                    return left_out(said("another side-car describes the same data"));
+                }
+                return Ok(Class::Item(ItemKind::Sidecar, None, Weight::FILE));
             }
-            return Ok(Class::Item(ItemKind::Sidecar, None, Weight::FILE));
-        }
-        if sidecar::is_named_so(path)
-            && let Some(unparsed) = sidecar::unparsed(path).or_else(|| sidecar::incomplete(path))
-        {
-            return left_out(NotVolume::SideCar(unparsed));
+            if let Some(unparsed) = sidecar::unparsed(path).or_else(|| sidecar::incomplete(path)) {
+                return left_out(NotVolume::SideCar(unparsed));
+            }
         }
         if sidecar::describes(path) || placing::places(path) || is_detached_data(path) {
             return Ok(Class::Part);
@@ -164,7 +151,8 @@ impl<'a> Surveyor<'a> {
                 return Ok(Class::Item(ItemKind::Raw, None, Weight::FILE));
             }
         }
-        left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
+        let is_headerless = ends_in(path, &["raw", "vol", "bin"]);
+        left_out(if is_headerless { NotVolume::Headerless } else { NotVolume::Unknown })
     }
 
     fn add(&mut self, (what, key): (ItemKind, Option<u64>), weight: Weight, mut record: Record) -> Result {
@@ -188,72 +176,64 @@ impl<'a> Surveyor<'a> {
         }
         Ok(())
     }
-}
 
-impl Visitor for Surveyor<'_> {
-    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result {
+    /// Takes in a file, by its path below the input (empty when the input itself is the file).
+    ///
+    /// # Errors
+    /// It was named and cannot be read, or the disk failed.
+    pub(super) fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result {
         let full = self.path(input, path);
         match self.classify(&full, meta, path.as_os_str().is_empty())? {
             Class::Part => Ok(()),
             Class::LeftOut(why) => self.left_out.add(why, full),
             Class::Item(what, key, weight) => {
-                let record = Record {
-                    before: NONE,
-                    size: meta.len(),
-                    changed: changed(meta),
-                    input,
-                    path: path.to_path_buf(),
-                };
+                let (size, changed) = (meta.len(), changed(meta));
+                let record = Record { size, changed, ..Record::of(input, path) };
                 self.add((what, key), weight, record)
             }
         }
     }
 
-    fn synthetic(&mut self, input: u32) -> Result {
-        let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
+    /// Takes in a volume that an input describes, without a file.
+    ///
+    /// # Errors
+    /// The description is wrong, or the disk failed.
+    pub(super) fn synthetic(&mut self, input: u32) -> Result {
         let text = self.path(input, Path::new(""));
         if self.options.raw.is_some() {
-            return Err(synthetic::usage(&text, synthetic::described()));
+            return Err(synthetic::described().at(&text).into());
         }
         // Reported at once, like a file that is not there.
         synthetic::open(&text)?;
-        self.add((ItemKind::Synthetic, None), Weight::FILE, record)
+        self.add((ItemKind::Synthetic, None), Weight::FILE, Record::of(input, Path::new("")))
     }
 
-    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool> {
+    /// True for a folder that must not be entered: the one to skip, or slices of one item.
+    pub(super) fn takes_folder(&self, input: u32, path: &Path) -> bool {
         let full = self.path(input, path);
-        if let Some(skip) = &self.options.skip
-            && skip.file_name() == path.file_name()
-            && full.canonicalize().is_ok_and(|real| real == *skip)
-        {
-            return Ok(true);
-        }
-        // Slice files described by a side-car next to their folder.
-        Ok(sidecar::describes(&full))
+        let is_skipped = self.options.skip.as_ref().is_some_and(|skip| {
+            skip.file_name() == path.file_name() && full.canonicalize().is_ok_and(|real| real == *skip)
+        });
+        // Slice files may be described by a side-car next to their folder.
+        is_skipped || sidecar::describes(&full)
     }
 
-    fn chunks(&self, input: u32, path: &Path) -> Option<PathBuf> {
-        zarr_head(&self.path(input, path))
+    /// The file that makes a folder a volume in chunks, which are not visited one by one.
+    pub(super) fn chunks(&self, input: u32, path: &Path) -> Option<(PathBuf, Metadata)> {
+        let head = zarr_head(&self.path(input, path))?;
+        let meta = fs::metadata(&head).ok()?;
+        Some((below(path, head.file_name()?.as_ref()), meta))
     }
 
-    fn not_entered(&mut self, path: &Path, why: NotVolume) {
+    /// Leaves out a folder that may not be read, or that lies too deep.
+    pub(super) fn not_entered(&mut self, path: &Path, why: NotVolume) {
         // The count is kept even if the name cannot be stored.
         let _ = self.left_out.add(why, path.to_path_buf());
     }
 }
 
-fn unreadable(cause: &io::Error) -> NotVolume {
-    said(format!("cannot be read ({})", cause.kind()))
-}
-
-/// True if the name of a file marks headerless voxels.
-fn is_headerless_by_name(path: &Path) -> bool {
-    path.extension().is_some_and(|e| ["raw", "vol", "bin"].iter().any(|known| e.eq_ignore_ascii_case(known)))
-}
-
 /// True if the file holds the voxels of a header file of the same stem.
 fn is_detached_data(path: &Path) -> bool {
-    let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
-    ["raw", "zraw", "img", "gz", "bz2", "bin", "dat"].iter().any(|e| is(e))
+    ends_in(path, &["raw", "zraw", "img", "gz", "bz2", "bin", "dat"])
         && ["nhdr", "mhd", "hdr"].iter().any(|e| path.with_extension(e).is_file())
 }

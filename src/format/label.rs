@@ -18,7 +18,7 @@ const LARGEST: usize = 16;
 const RECORD: usize = 2 + 4 + 8 + 8;
 
 /// One label of a model.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Label {
     /// Number in the volume: 1 to 65,535.
     pub number: u16,

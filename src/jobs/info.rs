@@ -169,11 +169,6 @@ pub(crate) fn kind_name(kind: SelectionKind) -> &'static str {
     }
 }
 
-/// Names of the channels per voxel.
-fn channels(frame: &Frame) -> Vec<&'static str> {
-    frame.channels().map(|(channel, _)| channel.name()).collect()
-}
-
 impl Info {
     /// A table for people: kind, size and measures of the model; with `all`, also the make-up of the file.
     pub fn text(&self, all: bool) -> String {
@@ -272,10 +267,7 @@ fn label_row(label: &LabelFigures) -> (String, String) {
         .area_mm2
         .zip(label.area_error_mm2)
         .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
-    let value = label.volume_mm3;
-    let volume = label
-        .volume_error_mm3
-        .map_or_else(|| Short(value).to_string(), |error| WithError { value, error }.to_string());
+    let volume = WithError { value: label.volume_mm3, error: label.volume_error_mm3.unwrap_or(0.0) };
     let text = format!("{name}{}, {}, {volume} mm³{area}", label.color, Count(label.voxels, "voxel"));
     (format!("label {}", label.number), text)
 }
@@ -336,27 +328,25 @@ impl Measured {
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {
             Self::Done(measures) => measures,
-            Self::Not(NotMeasured::Packed) => {
-                return vec![(
-                    "measures",
-                    format!("none of a packed model; {MEASURE} unpacks it for a moment"),
-                )];
-            }
-            Self::Not(NotMeasured::Large) => {
-                return vec![("measures", format!("take a while here; {MEASURE} takes them"))];
-            }
             Self::Labels(found) => {
                 return vec![("size", size_text(found.box_mm)), ("extent", extent_text(found.box_mm))];
             }
-            Self::Not(_) => {
-                return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
+            Self::Not(why) => {
+                let text = match why {
+                    NotMeasured::Packed => {
+                        format!("none of a packed model; {MEASURE} unpacks it for a moment")
+                    }
+                    NotMeasured::Large => format!("take a while here; {MEASURE} takes them"),
+                    NotMeasured::Labels | NotMeasured::Impossible => {
+                        format!("the model has no volume, or is damaged; see `{VERIFY}`")
+                    }
+                };
+                return vec![("measures", text)];
             }
         };
-        let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| {
-            value.map_or_else(
-                || why_not.to_owned(),
-                |(value, error)| format!("{} {unit}", WithError { value, error }),
-            )
+        let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| match value {
+            Some((value, error)) => format!("{} {unit}", WithError { value, error }),
+            None => why_not.to_owned(),
         };
         let enclosed = measures.enclosed;
         let uneven = "not known: voxels are more than 100 times as long along one axis as along another";
@@ -461,11 +451,6 @@ pub(super) fn label_figures(frame: &Frame, measured: Option<&Measured>) -> Vec<L
 /// Number of larger leaves of a model.
 pub(super) fn leaves(frame: &Frame) -> u64 {
     frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
-}
-
-/// Number of nodes at each depth.
-fn level_nodes(frame: &Frame) -> Vec<u64> {
-    frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect()
 }
 
 /// True for a model of sampled values; solids have none.

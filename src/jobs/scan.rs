@@ -77,12 +77,7 @@ pub fn scan(
             each(&listed)?;
         }
     }
-    catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if report.left_out_files.len() < MAX_NAMED {
-            report.left_out_files.push(LeftOutFile { path: data(path), reason: why.to_string() });
-        }
-        Ok(())
-    })?;
+    report.left_out_files = LeftOutFile::first(&catalogue, MAX_NAMED)?;
     report.left_out = catalogue.left_out().iter().map(LeftOutCount::from).collect();
     report.peak_rss_bytes = peak_rss_bytes();
     Ok(report)

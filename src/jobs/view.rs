@@ -23,12 +23,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::error::Error;
+use crate::jobs::batch::page::HOME;
 use crate::load::survive_torn_files;
 use crate::platform::{FileExt, open_files_limit};
 use crate::scratch::unnamed;
-
-use crate::jobs::batch::page::HOME;
-
 use sheet::{BatchSheet, Entry};
 use subject::Subject;
 
@@ -254,7 +252,7 @@ impl Client {
     /// Answers with the reason for missing content.
     fn refuse(&mut self, refused: Refused) -> io::Result<()> {
         let Refused::Status(status, why) = refused else { return Ok(()) };
-        self.head(status, "text/plain; charset=utf-8", why.len() as u64)?;
+        self.head(status, "text/plain; charset=utf-8", why.len() as u64, "")?;
         self.write_all(why.as_bytes())
     }
 
@@ -263,14 +261,9 @@ impl Client {
         left.ok_or_else(|| io::ErrorKind::TimedOut.into())
     }
 
-    /// The head of an answer of so many bytes, and its time limit. It forbids pages from elsewhere to read it, and
-    /// caches to keep it.
-    fn head(&mut self, status: u16, kind: &str, bytes: u64) -> io::Result<()> {
-        self.head_with(status, kind, bytes, "")
-    }
-
-    /// The same with additional lines, each with its line end.
-    fn head_with(&mut self, status: u16, kind: &str, bytes: u64, more: &str) -> io::Result<()> {
+    /// The head of an answer of so many bytes with additional lines, each with its line end, and its time limit. It
+    /// forbids pages from elsewhere to read it, and caches to keep it.
+    fn head(&mut self, status: u16, kind: &str, bytes: u64, more: &str) -> io::Result<()> {
         self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / MIN_RATE);
         let word = if status == 200 { "OK" } else { "refused" };
         let head = format!(
@@ -279,6 +272,12 @@ impl Client {
              Cross-Origin-Resource-Policy: same-origin\r\n{more}\r\n"
         );
         self.write_all(head.as_bytes())
+    }
+
+    /// An answer that is in memory, or its head alone.
+    fn send(&mut self, asked: &Asked, kind: &str, bytes: &[u8], more: &str) -> io::Result<()> {
+        self.head(200, kind, bytes.len() as u64, more)?;
+        if asked.is_head { Ok(()) } else { self.write_all(bytes) }
     }
 }
 
@@ -296,10 +295,8 @@ impl Write for Client {
 impl Server<'_> {
     fn answer(&self, mut client: Client) -> io::Result<()> {
         client.stream.set_nonblocking(false)?;
-        match self.read(&client.asked).and_then(|asked| self.send(&mut client, &asked)) {
-            Ok(()) => Ok(()),
-            Err(refused) => client.refuse(refused),
-        }
+        let sent = self.read(&client.asked).and_then(|asked| self.send(&mut client, &asked));
+        sent.or_else(|refused| client.refuse(refused))
     }
 
     /// Reads a request, and checks its origin and path.
@@ -336,8 +333,7 @@ impl Server<'_> {
             Some(folder) if self.send_sheet(client, folder, asked)? => return Ok(()),
             Some(folder) if asked.what.is_empty() => {
                 let sheet = sheet::page(folder, &self.entries);
-                client.head(200, "text/html; charset=utf-8", sheet.len() as u64)?;
-                return if asked.is_head { Ok(()) } else { Ok(client.write_all(sheet.as_bytes())?) };
+                return Ok(client.send(asked, "text/html; charset=utf-8", sheet.as_bytes(), "")?);
             }
             Some(_) => {
                 let (number, what) = asked.what.split_once('/').ok_or_else(nothing)?;
@@ -357,8 +353,7 @@ impl Server<'_> {
                 None => return Err(nothing()),
             }
         };
-        client.head(200, "image/png", png.len() as u64)?;
-        if asked.is_head { Ok(()) } else { Ok(client.write_all(&png)?) }
+        Ok(client.send(asked, "image/png", &png, "")?)
     }
 
     /// Sends a part of a batch's contact sheet; false if the request is for something else.
@@ -366,7 +361,7 @@ impl Server<'_> {
         let Some(sheet) = &self.sheet else { return Ok(false) };
         if let Some(number) = sheet::linked(&self.entries, &asked.what) {
             let place = format!("Location: /{}/{number}/\r\n", self.secret);
-            client.head_with(302, "text/plain; charset=utf-8", 0, &place)?;
+            client.head(302, "text/plain; charset=utf-8", 0, &place)?;
             return Ok(true);
         }
         let file = match &*asked.what {
@@ -375,10 +370,7 @@ impl Server<'_> {
         };
         let Some((kind, bytes)) = file else { return Ok(false) };
         let policy = format!("Content-Security-Policy: {}\r\n", BatchSheet::policy());
-        client.head_with(200, kind, bytes.len() as u64, &policy)?;
-        if !asked.is_head {
-            client.write_all(&bytes)?;
-        }
+        client.send(asked, kind, &bytes, &policy)?;
         Ok(true)
     }
 
@@ -401,7 +393,7 @@ impl Server<'_> {
     fn send_page(&self, client: &mut Client, of: (usize, &Subject), is_head: bool) -> Result<(), Refused> {
         let page = self.page(of)?;
         let bytes = page.metadata()?.len();
-        client.head(200, "text/html; charset=utf-8", bytes)?;
+        client.head(200, "text/html; charset=utf-8", bytes, "")?;
         let (mut at, mut part) = (0, vec![0; 64 << 10]);
         while !is_head && at < bytes {
             let count = page.read_at(&mut part, at)?;

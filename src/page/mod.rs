@@ -29,7 +29,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::format::{Channel, Label, Quantity, SectionKind, ValueColors};
-use crate::geom::{Affine, Dims};
+use crate::geom::Affine;
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
 use crate::render::walls::Hidden;
@@ -129,20 +129,11 @@ struct Head<'a> {
     /// True if the page may ask for pictures.
     served: bool,
     /// The table of labels; labels of voxels are indices into it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    labels: Vec<LabelEntry<'a>>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    labels: &'a [Label],
     #[serde(skip_serializing_if = "Option::is_none")]
     quantity: Option<Measured<'a>>,
     sections: Vec<Section>,
-}
-
-/// A label.
-#[derive(Serialize)]
-struct LabelEntry<'a> {
-    number: u16,
-    name: &'a str,
-    color: [u8; 3],
-    voxels: u64,
 }
 
 /// A measured quantity, with the colours of its values.
@@ -247,36 +238,30 @@ impl<'a> Head<'a> {
     /// A model's facts, without its sections.
     fn of<D: AsRef<[u8]>>(model: &'a Model<D>, space: &GridSpace) -> Self {
         let (header, meta, view) = (model.header(), model.metadata(), model.view());
-        let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
         let entry = |kind| model.frame().section(kind);
-        let reach = |axis: usize, sign: f64| {
-            let mut direction = [0.0; 3];
-            direction[axis] = sign;
-            sign * space.support(&view, direction)
-        };
-        let part = |label: &'a Label| LabelEntry {
-            number: label.number,
-            name: &label.name,
-            color: label.color,
-            voxels: label.voxels,
-        };
+        let reach = |axis: usize, sign: f64| sign * space.support(&view, along(axis, sign));
         Self {
             depth: view.depth(),
-            dims: dims.to_array(),
+            dims: model.dims().to_array(),
             nodes: header.nodes,
             voxels: header.voxels,
             leaves: entry(SectionKind::LeafNormals).map_or(0, |entry| entry.items),
             cells: view.cells().is_some(),
-            affine: affine.rows,
+            affine: model.affine().rows,
             box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
             value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
             value_scale: meta.value_scale,
             patient: meta.source.is_patient(),
-            labels: model.frame().labels.iter().map(part).collect(),
+            labels: &model.frame().labels,
             quantity: model.frame().quantity.as_ref().map(|of| Measured::of(of, meta.value_scale)),
             ..Self::default()
         }
     }
+}
+
+/// A vector along an axis.
+fn along(axis: usize, length: f64) -> [f64; 3] {
+    std::array::from_fn(|a| if a == axis { length } else { 0.0 })
 }
 
 /// The view from the front of some labels alone, in the form that pages write.
@@ -284,11 +269,7 @@ pub(crate) fn front_of(model: &Model, space: &GridSpace, hidden: &[u16]) -> Stri
     let (view, of) = (model.view(), Hidden::of(hidden.iter().copied()));
     let bounds = space.bounds_of_visible(&view, &of, &|| {});
     let ends = [0, 1, 2].map(|axis| {
-        [-1.0, 1.0].map(|sign| {
-            let mut direction = [0.0; 3];
-            direction[axis] = sign;
-            sign * space.support_of_inside(&view, direction, Some((&of, bounds)))
-        })
+        [-1.0, 1.0].map(|sign| sign * space.support_of_inside(&view, along(axis, sign), Some((&of, bounds))))
     });
     let [x, y, z] = ends.map(|[low, high]| f64::midpoint(low, high));
     let half =

@@ -75,7 +75,7 @@ impl Body {
                 shape.distance_near(turn.into_body(minus(place, *centre)), reach)
             }
             Shape::Wave(wave) => wave.first_order(place),
-            Shape::Lattice(lattice) => lattice.distance(place),
+            Shape::Lattice(lattice) => lattice.surface(place).distance,
         }
     }
 

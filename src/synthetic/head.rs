@@ -21,8 +21,10 @@ mod shape;
 use std::ops::Range;
 
 use self::shape::{Columns, FAR, PIECE, Step, distances};
+use super::description;
+use super::spec::HEAD;
 use crate::geom::{Affine, Dims};
-use crate::volume::{ImageKind, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
+use crate::volume::{Rescale, Result, ScalarType, VolumeInfo, VolumeSource};
 
 /// Edge of the cube in mm at every `side`; 0.45 mm a voxel at 512.
 const EDGE_MM: f32 = 230.4;
@@ -87,15 +89,7 @@ impl SyntheticHead {
             rescale: Rescale::IDENTITY,
             spacing_mm: [spacing; 3],
             affine,
-            description: SourceDescription {
-                format: "synthetic".into(),
-                name: "head".into(),
-                files: 0,
-                bytes: 2 * dims.voxels(),
-                kind: ImageKind::Synthetic("head"),
-                labels: Vec::new(),
-                treatments: Vec::new(),
-            },
+            description: description(HEAD, dims, ScalarType::I16),
             notes: Vec::new(),
         };
         Some(Self { info, side, voxel_mm, waves })

@@ -30,14 +30,9 @@ pub(super) enum Pattern {
 
 impl Lattice {
     fn holds(&self, cube: [i64; 3]) -> bool {
-        let mut at = [0_u32; 3];
-        for a in 0..3 {
-            match u32::try_from(cube[a]) {
-                Ok(c) if c < self.size[a] => at[a] = c,
-                _ => return false,
-            }
-        }
-        let [x, y, z] = at;
+        let within = |a: usize| u32::try_from(cube[a]).ok().filter(|c| *c < self.size[a]);
+        let [Some(x), Some(y), Some(z)] = [within(0), within(1), within(2)] else { return false };
+        let at = [x, y, z];
         match self.pattern {
             Pattern::Menger { levels } => {
                 let mut rest = at;
@@ -70,10 +65,6 @@ impl Lattice {
         (cube, std::array::from_fn(|a| (scaled[a] - scaled[a].floor()) * self.cell))
     }
 
-    pub(super) fn distance(&self, p: Vector) -> f64 {
-        self.surface(p).distance
-    }
-
     /// Searches the 26 neighbours for the nearest cube that differs from the place's own.
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let (cube, into) = self.find(p);
@@ -91,11 +82,8 @@ impl Lattice {
                 (best, way) = (square, towards);
             }
         }
-        let distance = best.sqrt();
-        if inside {
-            return TrueSurface { distance: -distance, normal: unit(way) };
-        }
-        TrueSurface { distance, normal: unit(way.map(|c| -c)) }
+        let sign = if inside { -1.0 } else { 1.0 };
+        TrueSurface { distance: sign * best.sqrt(), normal: unit(way.map(|c| -sign * c)) }
     }
 }
 

@@ -31,8 +31,9 @@ pub use head::SyntheticHead;
 pub use volume::AnalyticVolume;
 
 use crate::fault::{Fault, usage};
+use crate::geom::Dims;
 use crate::text::names::{DIMS, DTYPE, SKIP};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{ImageKind, ScalarType, SourceDescription, SourceError, VolumeSource};
 use spec::{PREFIX, Request};
 
 /// True if an input describes a synthetic volume. (`./synthetic:...` is a file.)
@@ -45,14 +46,9 @@ pub(crate) fn is_synthetic(input: &Path) -> bool {
 /// # Errors
 /// [`SourceError`], with the fault and the valid choices.
 pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
-    let wrong = |fault| usage(input, fault);
-    let given = input.to_string_lossy();
-    match parse(&given).map_err(wrong)? {
+    match parse(&input.to_string_lossy()).map_err(|fault| fault.at(input))? {
         Request::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
-        Request::Head(side) => match SyntheticHead::new(side) {
-            Some(head) => Ok(Box::new(head)),
-            None => Err(wrong(spec::wrong_size(&side.to_string()))),
-        },
+        Request::Head(head) => Ok(head),
     }
 }
 
@@ -61,21 +57,29 @@ pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
 /// # Errors
 /// [`SourceError`], as [`open`]; also for the head, whose surface is not known in closed form.
 pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
-    let wrong = |fault| usage(Path::new(text), fault);
+    let wrong = |fault: Fault| fault.at(text);
     match parse(text).map_err(wrong)? {
         Request::Body(spec) => Ok(AnalyticVolume::new(*spec)),
-        Request::Head(_) => Err(wrong(spec::no_body(spec::HEAD, &spec::BODIES))),
+        Request::Head(_) => Err(wrong(spec::no_body(spec::HEAD, &spec::bodies())).into()),
     }
-}
-
-/// The error for a synthetic input.
-pub(crate) fn usage(input: &Path, fault: Fault) -> SourceError {
-    fault.at(input).into()
 }
 
 /// The refusal of a size from the caller.
 pub(crate) fn described() -> Fault {
     usage!("says itself how large it is; {DIMS}, {DTYPE} and {SKIP} are for raw volumes")
+}
+
+/// Description of a computed volume.
+fn description(name: &'static str, dims: Dims, scalar: ScalarType) -> SourceDescription {
+    SourceDescription {
+        format: "synthetic".into(),
+        name: name.into(),
+        files: 0,
+        bytes: dims.voxels() * scalar.bytes() as u64,
+        kind: ImageKind::Synthetic(name),
+        labels: Vec::new(),
+        treatments: Vec::new(),
+    }
 }
 
 fn parse(text: &str) -> Result<Request, Fault> {

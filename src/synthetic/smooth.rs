@@ -42,12 +42,8 @@ impl Turn {
             turned[j] = sin * v[i] + cos * v[j];
             turned
         };
-        let axis = |a: usize| {
-            let mut v = [0.0; 3];
-            v[a] = 1.0;
-            about(about(about(v, [1, 2], x), [2, 0], y), [0, 1], z)
-        };
-        Self { axes: [axis(0), axis(1), axis(2)] }
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Self { axes: axes.map(|v| about(about(about(v, [1, 2], x), [2, 0], y), [0, 1], z)) }
     }
 
     pub(super) fn into_body(self, v: Vector) -> Vector {
@@ -83,13 +79,9 @@ impl Smooth {
         match *self {
             Self::Sphere { radius } => dot(p, p).sqrt() - radius,
             Self::Ellipsoid { radii } => {
-                let scaled = dot(
-                    [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]],
-                    [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]],
-                )
-                .sqrt();
+                let scaled = [p[0] / radii[0], p[1] / radii[1], p[2] / radii[2]];
                 // Lower bound of the distance.
-                let bound = (scaled - 1.0) * radii[0].min(radii[1]).min(radii[2]);
+                let bound = (dot(scaled, scaled).sqrt() - 1.0) * radii[0].min(radii[1]).min(radii[2]);
                 if bound.abs() > reach { bound } else { ellipsoid(radii, p).0 }
             }
             Self::Slab { half } => p[2].abs() - half,

@@ -1,6 +1,7 @@
 //! The syntax of `synthetic:NAME@N?key=value,key=value`.
 
 use super::body::{Body, Shape};
+use super::head::SyntheticHead;
 use super::lattice::{Lattice, Pattern};
 use super::math::Vector;
 use super::smooth::{Smooth, Turn};
@@ -15,19 +16,25 @@ pub(super) const PREFIX: &str = "synthetic:";
 /// Name of the head, which is not a [`Body`].
 pub(super) const HEAD: &str = "head";
 
-pub(super) const BODIES: [&str; 11] = [
-    "sphere",
-    "ellipsoid",
-    "torus",
-    "box",
-    "slab",
-    "gyroid",
-    "marschner-lobb",
-    "menger",
-    "checkerboard",
-    "comb",
-    "salt",
+/// Names of the bodies, each with its keys other than keys of the sampling.
+const BODIES: [(&str, &[&str]); 11] = [
+    ("sphere", &["radius"]),
+    ("ellipsoid", &["radii", "turn"]),
+    ("torus", &["ring", "tube", "turn"]),
+    ("box", &["edges", "turn"]),
+    ("slab", &["thickness", "turn"]),
+    ("gyroid", &["period"]),
+    ("marschner-lobb", &["frequency", "depth"]),
+    ("menger", &["levels"]),
+    ("checkerboard", &["cell"]),
+    ("comb", &["cell"]),
+    ("salt", &["cell", "share"]),
 ];
+
+/// Names of the bodies.
+pub(super) fn bodies() -> [&'static str; 11] {
+    BODIES.map(|(name, _)| name)
+}
 
 /// Sampling of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,30 +65,12 @@ pub(super) struct Spec {
 
 /// The volume that a text describes.
 pub(super) enum Request {
-    /// The head of so many voxels a side.
-    Head(u32),
+    Head(Box<SyntheticHead>),
     Body(Box<Spec>),
 }
 
 /// Keys of the sampling.
 const SAMPLING: [&str; 7] = ["sample", "psf", "slab", "noise", "seed", "bits", "spacing"];
-
-/// Keys of a body other than keys of the sampling.
-fn own_keys(body: &str) -> &'static [&'static str] {
-    match body {
-        "sphere" => &["radius"],
-        "ellipsoid" => &["radii", "turn"],
-        "torus" => &["ring", "tube", "turn"],
-        "box" => &["edges", "turn"],
-        "slab" => &["thickness", "turn"],
-        "gyroid" => &["period"],
-        "marschner-lobb" => &["frequency", "depth"],
-        "menger" => &["levels"],
-        "checkerboard" | "comb" => &["cell"],
-        "salt" => &["cell", "share"],
-        _ => &[],
-    }
-}
 
 /// Parameters, each to be taken once.
 struct Keys<'a> {
@@ -150,7 +139,7 @@ impl<'a> Keys<'a> {
 const LENGTHS: [f64; 2] = [0.01, 65536.0];
 const ANGLES: [f64; 2] = [-360.0, 360.0];
 
-pub(super) fn wrong_size(given: &str) -> Fault {
+fn wrong_size(given: &str) -> Fault {
     usage!(
         "'{given}' is not the size of a volume; write N or NXxNYxNZ with sides of 1 to 65536 (the head: 1 to 65536, all alike)"
     )
@@ -165,17 +154,11 @@ pub(super) fn no_body(name: &str, known: &[&str]) -> Fault {
 
 /// Reads the text behind [`PREFIX`].
 pub(super) fn parse(text: &str) -> Result<Request, Fault> {
-    let (front, keys) = match text.split_once('?') {
-        Some((front, keys)) => (front, Some(keys)),
-        None => (text, None),
-    };
-    let (name, size) = match front.split_once('@') {
-        Some((name, size)) => (name, Some(size)),
-        None => (front, None),
-    };
-    let all = || std::iter::once(HEAD).chain(BODIES);
-    let Some(name) = all().find(|known| *known == name) else {
-        return Err(no_body(name, &all().collect::<Vec<_>>()));
+    let (front, keys) = text.split_once('?').map_or((text, None), |(front, keys)| (front, Some(keys)));
+    let (name, size) = front.split_once('@').map_or((front, None), |(name, size)| (name, Some(size)));
+    let all = || std::iter::once((HEAD, &[][..])).chain(BODIES);
+    let Some((name, own_keys)) = all().find(|(known, _)| *known == name) else {
+        return Err(no_body(name, &all().map(|(known, _)| known).collect::<Vec<_>>()));
     };
     let size = size.ok_or_else(|| {
         usage!(
@@ -183,11 +166,11 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
         )
     })?;
     if name == HEAD {
-        Keys::new(HEAD, keys, &[])?;
-        let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
-        return side.map(Request::Head).ok_or_else(|| wrong_size(size));
+        Keys::new(HEAD, keys, own_keys)?;
+        let head = size.parse().ok().and_then(SyntheticHead::new);
+        return head.map(|head| Request::Head(Box::new(head))).ok_or_else(|| wrong_size(size));
     }
-    let known: Vec<&str> = own_keys(name)
+    let known: Vec<&str> = own_keys
         .iter()
         .copied()
         .chain(SAMPLING)
@@ -203,14 +186,11 @@ pub(super) fn parse(text: &str) -> Result<Request, Fault> {
 
 fn sampling(keys: &Keys<'_>) -> Result<Sampling, Fault> {
     let binary = keys.word("sample", &["density", "binary"])? == 1;
-    if binary {
-        for key in ["psf", "slab", "noise", "bits"] {
-            if keys.text(key).is_some() {
-                return Err(usage!(
-                    "'{key}' is about grey levels, which sample=binary does not have; leave one of the two out"
-                ));
-            }
-        }
+    let of_grey_levels = ["psf", "slab", "noise", "bits"].into_iter().find(|key| keys.text(key).is_some());
+    if let (true, Some(key)) = (binary, of_grey_levels) {
+        return Err(usage!(
+            "'{key}' is about grey levels, which sample=binary does not have; leave one of the two out"
+        ));
     }
     let bits = keys.whole("bits", 16, [4, 32])?;
     if bits > 16 && bits != 32 {

@@ -25,7 +25,7 @@ fn densities(volume: &AnalyticVolume) -> Vec<f64> {
 
 #[test]
 fn every_body_is_inside_where_its_distance_says_so() {
-    for name in spec::BODIES {
+    for name in spec::bodies() {
         for (n, keys) in
             [(24, ""), (20, "?bits=8"), (20, "?bits=32"), (16, "?sample=binary"), (1, ""), (3, "")]
         {

@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use super::body::{Body, TrueSurface};
+use super::description;
 use super::math::{FAR, Vector, minus, noise, share_below};
 use super::spec::{Sampling, Spec};
 use crate::geom::{Affine, Dims, dot};
-use crate::volume::{ImageKind, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
+use crate::volume::{Rescale, Result, ScalarType, VolumeInfo, VolumeSource};
 
 /// A body whose surface is known, sampled on demand.
 ///
@@ -60,22 +61,13 @@ impl AnalyticVolume {
         let places = ((thickness * dense).ceil() as u32).clamp(1, 256);
         let heights =
             (0..places).map(|i| thickness * ((f64::from(i) + 0.5) / f64::from(places) - 0.5)).collect();
-        let name = body.name();
         let info = VolumeInfo {
             dims,
             scalar,
             rescale,
             spacing_mm: sampling.spacing_mm,
             affine: Affine::from_spacing(sampling.spacing_mm),
-            description: SourceDescription {
-                format: "synthetic".into(),
-                name: name.into(),
-                files: 0,
-                bytes: dims.voxels() * scalar.bytes() as u64,
-                kind: ImageKind::Synthetic(name),
-                labels: Vec::new(),
-                treatments: Vec::new(),
-            },
+            description: description(body.name(), dims, scalar),
             notes: Vec::new(),
         };
         Self { info, body, sampling, spacing, unit_mm: x.min(y).min(z), heights, pores: Vec::new() }
@@ -107,14 +99,9 @@ impl AnalyticVolume {
         self.body.surface(self.place_of(world_mm))
     }
 
-    fn place(&self, [x, y, z]: [u32; 3]) -> Vector {
-        let at = [x, y, z].map(|i| f64::from(i) + 0.5);
-        std::array::from_fn(|a| at[a] * self.spacing[a])
-    }
-
     /// Density of a sample, before noise and rounding.
     fn density(&self, at: [u32; 3]) -> f64 {
-        let [x, y, z] = self.place(at);
+        let [x, y, z] = std::array::from_fn(|a| (f64::from(at[a]) + 0.5) * self.spacing[a]);
         if self.sampling.binary {
             return f64::from(u8::from(self.distance_near([x, y, z], 0.0) <= 0.0));
         }

@@ -1,5 +1,7 @@
 //! Bodies below a level of a wave: the gyroid, and the signal of Marschner and Lobb (1994).
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use super::body::TrueSurface;
 use super::math::{Vector, minus, sin_cos};
 use crate::geom::{add_scaled, dot};
@@ -33,7 +35,6 @@ impl Wave {
                 (sx * cy + sy * cz + sz * cx, slope.map(|c| w * c))
             }
             Self::MarschnerLobb { edge, frequency, depth } => {
-                use std::f64::consts::{FRAC_PI_2, PI};
                 let q: Vector = std::array::from_fn(|a| 2.0 * p[a] / edge[a] - 1.0);
                 let r = (q[0] * q[0] + q[1] * q[1]).sqrt();
                 let [sin_r, cos_r] = sin_cos(FRAC_PI_2 * r);
@@ -62,7 +63,6 @@ impl Wave {
         match *self {
             Self::Gyroid { frequency } => frequency * 6.0_f64.sqrt(),
             Self::MarschnerLobb { edge, frequency, depth } => {
-                use std::f64::consts::{FRAC_PI_2, PI};
                 let all = 2.0 * (1.0 + depth);
                 let radial = depth * 2.0 * PI * frequency * FRAC_PI_2 / all;
                 let upright = FRAC_PI_2 / all;

@@ -46,13 +46,6 @@ impl<T: Serialize> Entry<T> {
         !matches!(self, Self::Missing)
     }
 
-    fn value(&self) -> Option<&T> {
-        match self {
-            Self::Value(value) => Some(value),
-            Self::Missing | Self::Wrong(_) => None,
-        }
-    }
-
     /// Meaning of the value, nothing where the key is missing, or the fault of the key and its text.
     fn meaning<M>(&self, key: &str, mean: impl Fn(&T) -> Option<M>, due: &str) -> Result<Option<M>, Fault> {
         let text = match self {
@@ -97,12 +90,13 @@ impl Keys {
 
     /// Keys of a TOML text, as far as [`flat_toml`] reads it, or the reason why they cannot be parsed.
     pub(super) fn of_toml(text: &str) -> Result<Self, String> {
-        match lost_in_toml(text) {
+        let keys = flat_toml(text);
+        match lost_in_toml(text, &keys) {
             Some((key, value)) => Err(format!(
                 "the value of {key}, `{}`, is neither a string nor a number nor a list of these",
                 value.escape_debug()
             )),
-            None => serde_json::from_value(Value::Object(flat_toml(text))).map_err(|e| e.to_string()),
+            None => serde_json::from_value(Value::Object(keys)).map_err(|e| e.to_string()),
         }
     }
 
@@ -164,17 +158,16 @@ impl Keys {
     pub(in crate::discovery) fn placement(&self) -> Result<Placement, Fault> {
         let positive = |numbers: &Numbers| numbers.three().filter(|s| s.iter().all(|v| *v > 0.0));
         let due = "three positive numbers of mm; write for example [0.5, 0.5, 1.2]";
-        let spacing_mm = match (&self.spacing, &self.spacing_mm) {
-            (Entry::Missing, one) => one.meaning("spacing_mm", positive, due)?,
-            (one, Entry::Missing) => one.meaning("spacing", positive, due)?,
-            (one, other) => {
-                let three = |entry: &Entry<Numbers>| entry.value().and_then(Numbers::three);
-                if three(one) != three(other) {
-                    return Err(bad!("its spacing and its spacing_mm differ; keep one of them"));
-                }
-                one.meaning("spacing", positive, due)?
-            }
+        let three = |entry: &Entry<Numbers>| match entry {
+            Entry::Value(numbers) => numbers.three(),
+            Entry::Missing | Entry::Wrong(_) => None,
         };
+        let (one, other) = (&self.spacing, &self.spacing_mm);
+        if one.is_stated() && other.is_stated() && three(one) != three(other) {
+            return Err(bad!("its spacing and its spacing_mm differ; keep one of them"));
+        }
+        let (key, spacing) = if one.is_stated() { ("spacing", one) } else { ("spacing_mm", other) };
+        let spacing_mm = spacing.meaning(key, positive, due)?;
         let letters = |letters: &String| Orientation::parse(letters);
         let orientation =
             self.orientation.meaning("orientation", letters, "three letters such as LPS or RAI")?;
@@ -203,8 +196,7 @@ fn is_plain(name: &str) -> bool {
 
 /// A key of a TOML text that matters and begins a line before the first table, and the rest of the line, where its
 /// value cannot be read.
-fn lost_in_toml(text: &str) -> Option<(&str, String)> {
-    let keys = flat_toml(text);
+fn lost_in_toml<'a>(text: &'a str, keys: &Map<String, Value>) -> Option<(&'a str, String)> {
     let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
     lines.find_map(|line| {
         let (key, value) = line.split_once('=')?;

@@ -64,7 +64,7 @@ pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::
         if !known.insert(item.name.clone()) {
             return Ok(());
         }
-        let mut model = record.into_model();
+        let mut model = record.model;
         if item.burned_in.is_some() && !shows_text {
             model.thumbnail = None;
         }

@@ -105,24 +105,6 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
     use super::*;
-    use crate::exit::ExitKind;
-
-    #[test]
-    fn one_owner_at_a_time_and_nothing_is_left() {
-        let folder = tempfile::tempdir().unwrap();
-        let lock = FolderLock::take(folder.path()).unwrap();
-        assert!(lock.warning.is_none());
-        let refused = FolderLock::take(folder.path()).unwrap_err();
-        assert_eq!(refused.kind(), ExitKind::Io);
-        let text = refused.to_string();
-        assert!(text.contains("another batch") && text.contains("folder with out"), "{text}");
-        drop(lock);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        // The file of a killed batch means nothing, whatever its content.
-        fs::write(folder.path().join(NAME), "left").unwrap();
-        drop(FolderLock::take(folder.path()).unwrap());
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-    }
 
     #[test]
     fn files_that_come_and_go_never_give_two_owners() {

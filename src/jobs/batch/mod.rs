@@ -187,10 +187,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     catalogue.allow_opening(openable);
     // Fewer jobs where the memory is not enough for all.
     let most_jobs = request.jobs.clamp(1, catalogue.len());
-    let reserve = |jobs| reserve_jobs(&budget, &catalogue, openable, jobs).ok().map(|held| (jobs, held));
+    let beside = |openable, jobs| bytes_beside(&catalogue, openable, jobs);
+    let reserve = |jobs| Some((jobs, reserve_jobs(&budget, beside(openable, jobs), jobs).ok()?));
     let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
         let dry = Budget::dry(cap);
-        drop(reserve_jobs(&dry, &catalogue, USUAL_OPENING, 1));
+        drop(reserve_jobs(&dry, beside(USUAL_OPENING, 1), 1));
         return Err(Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
             name: data(&request.out),
             limit_bytes: limit,
@@ -199,7 +200,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     };
     let builds = budget.reserve_rest().into_budget();
     let with_all_jobs = Budget::dry(cap);
-    let _all = reserve_beside(&with_all_jobs, &catalogue, openable, most_jobs);
+    let _all = with_all_jobs.reserve(beside(openable, most_jobs));
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -243,7 +244,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
         left_out: catalogue.left_out().iter().map(LeftOutCount::from).collect(),
-        left_out_files: named_left_out(&catalogue)?,
+        left_out_files: LeftOutFile::first(&catalogue, MAX_NAMED)?,
         warnings: lock.warning.iter().cloned().chain(burned_in).chain(above_cap(cap)).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
@@ -263,40 +264,17 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 /// Most left-out files that reports name; some 100 KiB at a time.
 const MAX_NAMED: usize = 1000;
 
-/// The first files that are left out, each with the reason.
-fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
-    let mut named = Vec::new();
-    catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if named.len() < MAX_NAMED {
-            named.push(LeftOutFile { path: data(path), reason: why.to_string() });
-        }
-        Ok(())
-    })?;
-    Ok(named)
-}
-
-/// Reserves the memory of so many jobs beyond their builds, if enough is left for useful builds.
-fn reserve_jobs(
-    budget: &Budget,
-    catalogue: &Catalogue,
-    openable: u64,
-    jobs: usize,
-) -> Result<Reservation, TooSmall> {
-    let held = reserve_beside(budget, catalogue, openable, jobs)?;
+/// Reserves the memory `beside` the builds of so many jobs, if enough is left for useful builds.
+fn reserve_jobs(budget: &Budget, beside: u64, jobs: usize) -> Result<Reservation, TooSmall> {
+    let held = budget.reserve(beside)?;
     drop(budget.reserve(MIN_JOB * jobs as u64)?);
     Ok(held)
 }
 
-/// Reserves the memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay
-/// open.
-fn reserve_beside(
-    budget: &Budget,
-    catalogue: &Catalogue,
-    openable: u64,
-    jobs: usize,
-) -> Result<Reservation, TooSmall> {
+/// Memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay open.
+fn bytes_beside(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let code = if jobs > 1 { BATCH_CODE } else { 0 };
-    budget.reserve(code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
+    code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs)
 }
 
 /// Memory of the items that can be opened within `openable` bytes, beyond their builds: for the largest one while it is
@@ -385,23 +363,26 @@ impl Run<'_> {
             self.report((at, 0), slot, &Item::of_defect(at));
             return;
         };
-        let numbered = |(part, finding): (usize, Finding)| {
-            let item = self.name(&turn, finding, (at, part));
-            (part, item)
-        };
-        let named: Vec<(usize, Named)> = findings.into_iter().enumerate().map(numbered).collect();
+        let parts = (0..).zip(findings);
+        let named: Vec<_> = parts.map(|(part, finding)| self.name(&turn, finding, (at, part))).collect();
         drop(turn);
-        for (part, named) in named {
-            let item = match named {
-                Named::Settled(item) => item,
-                Named::Volume(item, finding) => self.convert(slot, item, *finding),
+        for (part, (item, finding)) in named.into_iter().enumerate() {
+            let item = match finding {
+                Some(finding) => self.convert(slot, item, finding),
+                None => item,
             };
             self.report((at, part), slot, &item);
         }
     }
 
-    /// A volume with its name, or its outcome if that is known already: too few slices, refused, or a copy of another.
-    fn name(&self, turn: &claims::Turn<'_>, finding: Finding, place: claims::Place) -> Named {
+    /// The item of a volume with its name, and the volume to build, unless that was done before. Without a volume the
+    /// outcome is known already: too few slices, refused, or a copy of another.
+    fn name(
+        &self,
+        turn: &claims::Turn<'_>,
+        finding: Finding,
+        place: claims::Place,
+    ) -> (Item, Option<Finding>) {
         let mut item = Item {
             name: finding.id.clone(),
             input: data(&finding.path),
@@ -414,28 +395,24 @@ impl Run<'_> {
             ..Item::default()
         };
         if !self.request.asks_for(&finding) {
-            item.status = Status::Skipped;
-            item.cause = Some(Cause::NotAskedFor);
-            item.reason = Some("is not of the modalities or series that were asked for".into());
-            return Named::Settled(item);
+            let reason = "is not of the modalities or series that were asked for";
+            return (item.ended(Status::Skipped, Cause::NotAskedFor, reason), None);
         }
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
-            item.status = Status::Skipped;
-            item.cause = Some(Cause::FewSlices);
             let least = self.request.min_slices;
-            item.reason = Some(format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice")));
-            return Named::Settled(item);
+            let reason = format!("has {}, fewer than {MIN_SLICES} {least}", Count(slices, "slice"));
+            return (item.ended(Status::Skipped, Cause::FewSlices, reason), None);
         }
         let notes: &[Note] = match &finding.subject {
             Ok(subject) => subject.volume().map_or(&[], |volume| &volume.info().notes),
             Err(e) => {
-                item.cause = Some(Cause::of(e.kind()));
-                item.reason = Some(e.to_string());
                 // A model of an earlier state of the input would pass for this one's.
-                if !turn.is_taken(&item.name) {
-                    Record::clear(&self.request.out, &item.name);
+                if !turn.is_taken(&item.name)
+                    && let Some(old) = Record::take(&self.request.out, &item.name)
+                {
+                    old.remove_files(&self.request.out, &item.name, None);
                 }
-                return Named::Settled(item);
+                return (item.ended(Status::Failed, Cause::of(e.kind()), e.to_string()), None);
             }
         };
         item.warnings = sentences(notes);
@@ -445,21 +422,18 @@ impl Run<'_> {
         };
         match turn.claim(&finding, place, &is_copy) {
             Claim::CopyOf(name) => {
-                item.status = Status::Skipped;
-                item.reason = Some(copy_of(&name));
-                item.cause = Some(Cause::CopyOf(name));
-                return Named::Settled(item);
+                let reason = copy_of(&name);
+                return (item.ended(Status::Skipped, Cause::CopyOf(name), reason), None);
             }
             Claim::Own(name, number) => {
                 item.name = name;
                 item.warnings.extend(number.map(numbered));
             }
         }
-        let reason = finding.burned_in.and_then(|kind| BurnedIn::ALL.iter().position(|known| *known == kind));
-        if let Some(count) = reason.and_then(|at| self.burned_in.get(at)) {
-            count.fetch_add(1, Ordering::Relaxed);
+        if let Some(kind) = finding.burned_in {
+            self.burned_in[kind as usize].fetch_add(1, Ordering::Relaxed);
         }
-        Named::Volume(item, Box::new(finding))
+        (item, Some(finding))
     }
 
     /// Counts, shows and notes the outcome of a volume.
@@ -470,9 +444,7 @@ impl Run<'_> {
             Status::Failed => 2,
             Status::Kept => return,
         };
-        if let Some(count) = self.counts.get(count) {
-            count.fetch_add(1, Ordering::Relaxed);
-        }
+        self.counts[count].fetch_add(1, Ordering::Relaxed);
         self.watcher.end(slot, item);
         if let Err(cause) = self.journal.add(order, item) {
             let path = self.request.out.clone();
@@ -521,9 +493,8 @@ impl Run<'_> {
                 if let Some(record) = Record::of(&item, &self.options, &inputs, thumbnail_bytes)
                     && let Err(cause) = record.write(&self.request.out)
                 {
-                    item.status = Status::Failed;
-                    item.cause = Some(Cause::Disk);
-                    item.reason = Some(format!("its record cannot be written ({cause})"));
+                    let reason = format!("its record cannot be written ({cause})");
+                    return item.ended(Status::Failed, Cause::Disk, reason);
                 }
             }
             Err(e) => {
@@ -656,34 +627,34 @@ impl Run<'_> {
         let mut subject = job.reshape(subject)?;
         let mut least = job.least_share(&subject);
         let prepared = subject.volume().map_or(0, |source| source.preparation().scratch_bytes);
-        let (name, again): (String, Option<Box<dyn Fn() -> Subject>>) = match &subject {
-            Subject::Volume(source) => (source.info().description.name.clone(), None),
-            Subject::Mesh(paths) => {
-                let paths = paths.clone();
-                let name = paths.first().map(|path| data(path)).unwrap_or_default();
-                (name, Some(Box::new(move || Subject::Mesh(paths.clone()))))
-            }
-            Subject::Tree(path) => {
-                let path = path.clone();
-                (data(&path), Some(Box::new(move || Subject::Tree(path.clone()))))
-            }
+        let name = match &subject {
+            Subject::Volume(source) => source.info().description.name.clone(),
+            Subject::Mesh(paths) => paths.first().map(|path| data(path)).unwrap_or_default(),
+            Subject::Tree(path) => data(path),
         };
         let (options, note) = self.settle(&job, &mut subject, &name, least)?;
         let job = BuildJob { options: &options, ..job };
         least = job.least_share(&subject).max(least);
         loop {
-            let job = BuildJob { grid, ..job };
-            let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
-            match (built, &again) {
+            let again = match &subject {
+                Subject::Volume(_) => None,
+                Subject::Mesh(paths) => Some(Subject::Mesh(paths.clone())),
+                Subject::Tree(path) => Some(Subject::Tree(path.clone())),
+            };
+            let grant = self.grant(&name, least)?;
+            let granted = grant.bytes();
+            let options = BuildOptions { memory: MemoryCap::Share(granted), ..options.clone() };
+            let built = BuildJob { grid, options: &options, ..job }.build(subject, String::new(), started);
+            drop(grant);
+            match (built, again) {
                 // The grid of the request is for subjects without a grid of their own.
                 (Err(Error::Build(error)), Some(again)) if grid.grid.is_some() && has_own_grid(&error) => {
-                    grid = &own;
-                    subject = again();
+                    (grid, subject) = (&own, again);
                 }
                 // The memory of a mesh is known when it has been read, and of a tree when its leaves are placed.
                 (Err(Error::Build(error)), Some(again)) if error.minimum_bytes() > Some(granted) => {
                     least = error.minimum_bytes().unwrap_or(least);
-                    subject = again();
+                    subject = again;
                 }
                 (built, _) => {
                     let mut built = built?;
@@ -694,25 +665,11 @@ impl Run<'_> {
         }
     }
 
-    /// Waits for memory, and builds within it; also returns its amount.
-    fn build_within(
-        &self,
-        job: &BuildJob<'_>,
-        subject: Subject,
-        (name, least): (&str, u64),
-        started: Instant,
-    ) -> Result<(u64, Result<BuildSummary, Error>), Error> {
-        let grant = self.grant(name, least)?;
-        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..job.options.clone() };
-        let job = BuildJob { options: &options, ..*job };
-        Ok((grant.bytes(), job.build(subject, String::new(), started)))
-    }
-
     /// The options that apply to a subject. Options of volumes are dropped for a mesh or a tree.
     fn options_for(&self, subject: &Subject) -> BuildOptions {
         let asked = BuildOptions {
             threads: self.threads,
-            scratch: Some(self.scratch()),
+            scratch: Some(self.request.build.scratch_folder(&self.request.out.join("x"))),
             ..self.request.build.clone()
         };
         let kind = subject.kind();
@@ -751,10 +708,6 @@ impl Run<'_> {
             }))
         })
     }
-
-    fn scratch(&self) -> PathBuf {
-        self.request.build.scratch_folder(&self.request.out.join("x"))
-    }
 }
 
 /// The reason of a copy.
@@ -773,14 +726,6 @@ pub(super) fn numbered(n: u32) -> String {
 fn has_own_grid(error: &BuildError) -> bool {
     let BuildFault::Source(error) = error.fault() else { return false };
     matches!(error.fault(), SourceFault::Said(fault) if fault.kind == FaultKind::OwnGrid)
-}
-
-/// A volume that has been named.
-enum Named {
-    /// Its outcome is known.
-    Settled(Item),
-    /// It is to be built under the item's name, unless it was before.
-    Volume(Item, Box<Finding>),
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

@@ -10,7 +10,7 @@ use std::path::Path;
 use base64::engine::general_purpose::STANDARD;
 use base64::write::EncoderWriter;
 
-use super::record::{Cause, Item, Journal, Status};
+use super::record::{Cause, Item, Journal, ModelFacts, Status};
 use super::report::{BatchReport, LeftOutCount, NOTICE, status};
 use crate::budget::Bytes;
 use crate::format::SurfaceKind;
@@ -108,7 +108,7 @@ pub(super) fn write(
     w.write_all(b"<main>\n")?;
     let embed = report.holds.models <= MAX_EMBEDDED;
     journal.for_each(&mut |item| {
-        if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
+        item.model.as_ref().map_or(Ok(()), |model| card((&item, model), report, out, embed, w))
     })?;
     w.write_all(b"</main>\n")?;
     for (ended, head) in [
@@ -199,11 +199,16 @@ fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Re
     w.write_all(b"</div></article>\n")
 }
 
-fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
-    let bytes = item.model.as_ref().map_or(0, |m| m.bytes);
-    write!(w, "<article class=\"{}\" data-bytes={bytes}><div class=\"shot\">", status(item.status))?;
-    let thumbnail = item.model.as_ref().and_then(|m| m.thumbnail.as_deref());
-    match thumbnail {
+/// A volume with its model.
+fn card(
+    (item, m): (&Item, &ModelFacts),
+    report: &BatchReport,
+    out: &Path,
+    embed: bool,
+    w: &mut dyn Write,
+) -> io::Result<()> {
+    write!(w, "<article class=\"{}\" data-bytes={}><div class=\"shot\">", status(item.status), m.bytes)?;
+    match &m.thumbnail {
         None => {
             let why = match item.burned_in {
                 Some(BurnedIn::Stated) => ": the pixels carry text",
@@ -228,37 +233,35 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
     write!(
         w,
         "</div><div class=\"text\"><h3><a href=\"{}\">{}</a></h3><p class=\"in\">{}</p><p class=\"in file\"></p>",
-        html(item.model.as_ref().map_or("", |m| &m.file)),
+        html(&m.file),
         html(&item.name),
         kind(item, report)
     )?;
     w.write_all(b"<dl>")?;
     let mut row = |name: &str, value: String| write!(w, "<dt>{name}</dt><dd>{}</dd>", html(&value));
     row("source", format!("{}, {}, {}", item.format, Count(item.files, "file"), Bytes(item.input_bytes)))?;
-    if let Some(m) = &item.model {
-        let [x, y, z] = m.dims;
-        let [a, b, c] = m.spacing_mm.map(short);
-        row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
-        row("spacing", format!("{a} × {b} × {c} mm"))?;
-        let surface = if m.label_count > 0 { SurfaceKind::Cells } else { report.options.surface };
-        let low = short(m.range.0);
-        let inside = m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi)));
-        let how = match m.selection.as_str() {
-            "otsu" => " (Otsu)",
-            "iso" | "range" => " (as asked)",
-            _ => "",
-        };
-        match m.label_count {
-            0 => row("inside", format!("{inside}{how}"))?,
-            labels => row("labels", labels.to_string())?,
-        }
-        row(&format!("{}s", noun(surface)), m.skin_voxels.to_string())?;
-        row("model", Bytes(m.bytes).to_string())?;
-        row("time", format!("{:.2} s", m.wall_s))?;
-        match m.memory_plan_bytes {
-            0 => row("memory", format!("{} granted", Bytes(m.memory_bytes)))?,
-            used => row("memory", format!("{} of {}", Bytes(used), Bytes(m.memory_bytes)))?,
-        }
+    let [x, y, z] = m.dims;
+    let [a, b, c] = m.spacing_mm.map(short);
+    row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
+    row("spacing", format!("{a} × {b} × {c} mm"))?;
+    let surface = if m.label_count > 0 { SurfaceKind::Cells } else { report.options.surface };
+    let low = short(m.range.0);
+    let inside = m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi)));
+    let how = match m.selection.as_str() {
+        "otsu" => " (Otsu)",
+        "iso" | "range" => " (as asked)",
+        _ => "",
+    };
+    match m.label_count {
+        0 => row("inside", format!("{inside}{how}"))?,
+        labels => row("labels", labels.to_string())?,
+    }
+    row(&format!("{}s", noun(surface)), m.skin_voxels.to_string())?;
+    row("model", Bytes(m.bytes).to_string())?;
+    row("time", format!("{:.2} s", m.wall_s))?;
+    match m.memory_plan_bytes {
+        0 => row("memory", format!("{} granted", Bytes(m.memory_bytes)))?,
+        used => row("memory", format!("{} of {}", Bytes(used), Bytes(m.memory_bytes)))?,
     }
     w.write_all(b"</dl>")?;
     if !item.warnings.is_empty() {

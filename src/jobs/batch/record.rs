@@ -111,6 +111,11 @@ impl Item {
             ..Self::default()
         }
     }
+
+    /// The item without a model, for this reason.
+    pub(super) fn ended(self, status: Status, cause: Cause, reason: impl Into<String>) -> Self {
+        Self { status, cause: Some(cause), reason: Some(reason.into()), ..self }
+    }
 }
 
 /// Facts of a finished model, as reported.
@@ -223,18 +228,6 @@ impl Record {
             && !name.contains('/')
             && self.model.file == format!("{name}.oct")
             && self.is_whole(out)
-    }
-
-    /// Facts of the model.
-    pub(super) fn into_model(self) -> ModelFacts {
-        self.model
-    }
-
-    /// Removes the record of `name` first, and then its files; without a record, nothing.
-    pub(super) fn clear(out: &Path, name: &str) {
-        if let Some(old) = Self::take(out, name) {
-            old.remove_files(out, name, None);
-        }
     }
 
     /// Removes the files that it names, except those of the model that replaced it.

@@ -9,11 +9,12 @@ use super::record::{Item, Journal, Status};
 use super::{BatchRequest, page};
 use crate::atomic::AtomicFile;
 use crate::builder::{Connectivity, Threshold};
-use crate::discovery::LeftOut;
+use crate::discovery::{Catalogue, LeftOut};
 use crate::format::{Channel, SurfaceKind};
 use crate::page::{Shown, Transport};
 use crate::source::{BurnedIn, GapPolicy};
 use crate::text::{self, data, plain};
+use crate::volume::SourceError;
 
 /// Numbers of volumes by outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -53,6 +54,23 @@ pub struct LeftOutFile {
     pub path: String,
     /// Reason for which it is left out, or was not entered.
     pub reason: String,
+}
+
+impl LeftOutFile {
+    /// The first files that are left out, at most `most`.
+    ///
+    /// # Errors
+    /// The list is on disk and cannot be read.
+    pub(in crate::jobs) fn first(catalogue: &Catalogue, most: usize) -> Result<Vec<Self>, SourceError> {
+        let mut named = Vec::new();
+        catalogue.for_each_left_out::<SourceError>(&mut |why, path| {
+            if named.len() < most {
+                named.push(Self { path: data(path), reason: why.to_string() });
+            }
+            Ok(())
+        })?;
+        Ok(named)
+    }
 }
 
 /// The report of a batch, without the volumes.
@@ -280,47 +298,34 @@ fn left_out_line(path: &str, why: &str) -> String {
 
 /// One line of the table of a volume.
 fn csv_line(item: &Item) -> String {
-    let mut cells = vec![
-        "yes".to_owned(),
-        status(item.status).to_owned(),
-        quoted(&item.name),
-        quoted(&item.input),
-        quoted(&item.part),
-        quoted(&item.format),
-        quoted(&item.kind),
-    ];
-    match &item.model {
+    // Groups of cells; without a model its groups are empty.
+    let [size, costs, selection] = match &item.model {
         Some(m) => {
-            cells.extend(m.dims.map(|n| n.to_string()));
-            cells.extend(m.spacing_mm.map(|s| s.to_string()));
-            cells.push(m.dtype.clone());
-            cells.push(m.range.0.to_string());
-            cells.push(m.range.1.map(|v| v.to_string()).unwrap_or_default());
-            cells.extend([m.skin_voxels, m.nodes, m.bytes].map(|n| n.to_string()));
+            let ([nx, ny, nz], [x, y, z], (low, high)) = (m.dims, m.spacing_mm, m.range);
+            let high = high.map(|v| v.to_string()).unwrap_or_default();
+            let counts = format!("{},{},{}", m.skin_voxels, m.nodes, m.bytes);
+            [
+                format!("{nx},{ny},{nz},{x},{y},{z},{},{low},{high},{counts}", m.dtype),
+                format!("{:.3},{},{}", m.wall_s, m.memory_bytes, m.scratch_bytes),
+                format!("{},{},{}", m.selection, m.memory_plan_bytes, m.label_count),
+            ]
         }
-        None => cells.extend(std::iter::repeat_n(String::new(), 12)),
-    }
-    cells.extend([item.files, item.input_bytes].map(|n| n.to_string()));
-    match &item.model {
-        Some(m) => {
-            cells.push(format!("{:.3}", m.wall_s));
-            cells.extend([m.memory_bytes, m.scratch_bytes].map(|n| n.to_string()));
-        }
-        None => cells.extend(std::iter::repeat_n(String::new(), 3)),
-    }
-    cells.push(item.burned_in.map(burned_in).unwrap_or_default().to_owned());
-    cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
-    cells.push(quoted(&item.warnings.join("; ")));
-    match &item.model {
-        Some(m) => {
-            cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string(), m.label_count.to_string()]);
-        }
-        None => cells.extend(std::iter::repeat_n(String::new(), 3)),
-    }
-    cells.join(",") + "\n"
+        None => [12, 3, 3].map(|cells: usize| ",".repeat(cells - 1)),
+    };
+    let texts = [&item.name, &item.input, &item.part, &item.format, &item.kind].map(|text| quoted(text));
+    format!(
+        "yes,{},{},{size},{},{},{costs},{},{},{},{selection}\n",
+        status(item.status),
+        texts.join(","),
+        item.files,
+        item.input_bytes,
+        item.burned_in.map(burned_in).unwrap_or_default(),
+        quoted(item.reason.as_deref().unwrap_or_default()),
+        quoted(&item.warnings.join("; "))
+    )
 }
 
-pub(super) fn burned_in(kind: BurnedIn) -> &'static str {
+fn burned_in(kind: BurnedIn) -> &'static str {
     match kind {
         BurnedIn::Stated => "stated",
         BurnedIn::Ultrasound => "ultrasound",

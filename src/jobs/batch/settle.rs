@@ -19,24 +19,23 @@ impl Run<'_> {
         name: &str,
         least: u64,
     ) -> Result<(BuildOptions, Option<BuildNote>), Error> {
-        let asked = job.options.clone();
+        let asked = job.options;
         // Cleaning needs a single inside.
         let CleanOptions { roi, .. } = job.clean;
         let is_cleaned = *job.clean != CleanOptions { roi: roi.clone(), ..CleanOptions::default() };
         let (true, false, Subject::Volume(source)) = (self.request.find_labels, is_cleaned, subject) else {
-            return Ok((asked, None));
+            return Ok((asked.clone(), None));
         };
         if stated(&**source) > 0 {
-            return Ok((all_labels(&asked), None));
+            return Ok((all_labels(asked), None));
         }
         let grant = self.grant(name, least)?;
-        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..asked };
+        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..asked.clone() };
         let values = look(&mut **source, job.clean, &options, job.output, job.progress)?;
-        let asked = job.options.clone();
         Ok(match values {
-            Values::Labels(_) => (all_labels(&asked), None),
+            Values::Labels(_) => (all_labels(asked), None),
             Values::Mixed(selection, note) => {
-                (BuildOptions { threshold: Threshold::Chosen(selection), ..asked }, note)
+                (BuildOptions { threshold: Threshold::Chosen(selection), ..asked.clone() }, note)
             }
         })
     }

@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{
-    Info, Measured, channel_bytes, channels, content_checksum, dtype, level_nodes, paper_bytes, ratio,
-    structure_bytes, to_f64,
+    Info, Measured, channel_bytes, content_checksum, dtype, paper_bytes, ratio, structure_bytes, to_f64,
 };
 use crate::format::{
     Encoding, ErrorBound, Noise, Quantity, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR,
@@ -267,10 +266,10 @@ impl Info {
             orientation: Affine { rows: m.affine }.orientation_letters(),
             rescale: m.rescale,
             connectivity: m.connectivity,
-            channels: channels(frame),
+            channels: frame.channels().map(|(channel, _)| channel.name()).collect(),
             gradient: m.gradient.clone(),
             noise: m.noise,
-            level_nodes: level_nodes(frame),
+            level_nodes: frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect(),
             raw_bytes: m.source.bytes,
             ratio_to_raw: ratio(m.source.bytes, bytes),
             paper_bytes: paper_dims,

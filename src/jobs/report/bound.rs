@@ -1,6 +1,6 @@
 //! Errors and savings of larger leaves within a bound (`--error`).
 
-use super::experiments::{Bench, Reference};
+use super::experiments::Bench;
 use super::rays;
 use super::rows::{Costs, Drawn, Experiment, Metric};
 use crate::builder::{BuildOptions, Tolerance};
@@ -56,7 +56,7 @@ impl Bench<'_> {
             }
         }
         let reference = match body {
-            Some(_) => Reference::TRUE,
+            Some(_) => "the body's true surface",
             None => "the fine cells in the same pictures: the first row is 0 by definition",
         };
         Ok(Experiment {
@@ -66,10 +66,10 @@ impl Bench<'_> {
                 "Cells are joined into leaves within so many voxels of the surface. Distances and normals of the hits of three perspective pictures are held against {reference}. Rays go one by one on one thread. Pictures below are of the bound {SHOWN}."
             )
             .into(),
-            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
             pictures,
+            ..Experiment::default()
         })
     }
 }

@@ -1,8 +1,7 @@
 //! The experiments: on a body with a known surface, on any volume, on a finished model.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::Path;
 
 use super::rays::{self, Line, Met};
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
@@ -37,14 +36,9 @@ const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 const COARSEST: u32 = 4;
 
 /// The reference of rays.
-pub(super) enum Reference<'a> {
+enum Reference<'a> {
     Body(&'a AnalyticVolume),
     Frame(&'a [Option<Met>]),
-}
-
-impl Reference<'_> {
-    /// The true surface, in words.
-    pub(super) const TRUE: &'static str = "the body's true surface";
 }
 
 /// A model in its file, and how it was built.
@@ -60,6 +54,7 @@ impl Bench<'_> {
         let source = synthetic::open(Path::new(input))?;
         // The head is in Hounsfield units; bodies are densities.
         let body = synthetic::analytic(input).ok();
+        let smooth = body.as_ref().filter(|body| body.body().is_smooth());
         let iso = if body.is_some() { 0.5 } else { SyntheticHead::BONE_ISO_HU };
         let options = BuildOptions {
             threshold: Threshold::Iso(iso),
@@ -71,19 +66,15 @@ impl Bench<'_> {
         };
         let usual = self.build(&*source, &options)?;
         let mut found = Vec::new();
-        match &body {
-            Some(body) if body.body().is_smooth() => {
-                found.extend(self.done(self.surfaces(subject, &*source, &options, body))?);
-                found.push(self.done(self.gradients(subject, &*source, &options, body))?);
-                found.push(self.done(self.detail(subject, &usual.model, &Reference::Body(body)))?);
-            }
-            _ => {
-                let frame = self.frame(&usual.model)?;
-                found.push(self.done(self.detail(subject, &usual.model, &Reference::Frame(&frame)))?);
-                self.progress.advance(2);
-            }
+        if let Some(body) = smooth {
+            found.extend(self.done(self.surfaces(subject, &*source, &options, body))?);
+            found.push(self.done(self.gradients(subject, &*source, &options, body))?);
+            found.push(self.done(self.detail(subject, &usual.model, &Reference::Body(body)))?);
+        } else {
+            let frame = self.frame(&usual.model)?;
+            found.push(self.done(self.detail(subject, &usual.model, &Reference::Frame(&frame)))?);
+            self.progress.advance(2);
         }
-        let smooth = body.as_ref().filter(|b| b.body().is_smooth());
         found.push(self.done(self.bounds(subject, &*source, &options, smooth))?);
         match smooth.filter(|b| b.body().is_closed()) {
             Some(body) => found.push(self.done(self.measures(subject, &options, body))?),
@@ -115,31 +106,21 @@ impl Bench<'_> {
         ])
     }
 
-    fn path(&self) -> PathBuf {
-        self.folder.join("model.oct")
-    }
-
     /// Builds a model several times and opens it.
     pub(super) fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
-        let path = self.path();
-        let (times, last) = Times::of(|| {
-            let started = Instant::now();
-            let last = build_volume(source, options, &path, &Silent)?;
-            Ok::<_, Error>((started.elapsed().as_secs_f64(), last))
-        })?;
-        let costs = Costs {
-            build_s: Some(times.median()),
-            ns_per_ray: None,
-            memory_bytes: Some(last.plan_bytes),
-            file_bytes: Some(last.file_bytes),
-            boxes: None,
-            spread_percent: Some(times.spread_percent()),
-            ns_per_point: None,
-        };
+        let path = self.folder.join("model.oct");
+        let (times, last) = Times::measured(|| build_volume(source, options, &path, &Silent))?;
         // The name is free again: the open file is what is looked at.
         let model = Model::open(&path)?;
         let _ = fs::remove_file(&path);
-        let costs = Costs { boxes: Some(surface_boxes(model.frame())), ..costs };
+        let costs = Costs {
+            build_s: Some(times.median()),
+            memory_bytes: Some(last.plan_bytes),
+            file_bytes: Some(last.file_bytes),
+            boxes: Some(surface_boxes(model.frame())),
+            spread_percent: Some(times.spread_percent()),
+            ..Costs::default()
+        };
         Ok(Built { model, costs })
     }
 
@@ -190,19 +171,17 @@ impl Bench<'_> {
             id: "surface",
             title: "Where a hit lies",
             about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.".into(),
-            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         };
         let shadings = Experiment {
             id: "shading",
             title: "Which normals a picture shows",
             about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.".into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::NormalMean },
             rows: shadings,
-            pictures: Vec::new(),
+            ..Experiment::default()
         };
         Ok([surfaces, shadings])
     }
@@ -233,10 +212,9 @@ impl Bench<'_> {
             id: "gradient",
             title: "How normals are estimated",
             about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.".into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::NormalMean },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -261,34 +239,38 @@ impl Bench<'_> {
             let choice = if k == 0 { "voxels".to_owned() } else { format!("boxes of {edge}") };
             rows.push(Self::row(subject, choice, k == 0, costs, errors));
         }
-        let about = match reference {
-            Reference::Body(_) => {
-                "Rays that stop at boxes of several voxels, against the body's true surface; one ray after the other, on one thread. Boxes of 2 voxels have no normals of their own."
-            }
-            Reference::Frame(_) => {
-                "Rays that stop at boxes of several voxels, against the full-quality frame of the same model: the true surface is not known here, so the first row is 0 by definition. One ray after the other, on one thread."
-            }
-        };
-        let id = match reference {
-            Reference::Body(_) => "detail",
-            Reference::Frame(_) => "detail_of_frame",
+        let (id, about) = match reference {
+            Reference::Body(_) => (
+                "detail",
+                "Rays that stop at boxes of several voxels, against the body's true surface; one ray after the other, on one thread. Boxes of 2 voxels have no normals of their own.",
+            ),
+            Reference::Frame(_) => (
+                "detail_of_frame",
+                "Rays that stop at boxes of several voxels, against the full-quality frame of the same model: the true surface is not known here, so the first row is 0 by definition. One ray after the other, on one thread.",
+            ),
         };
         Ok(Experiment {
             id,
             title: "Level of detail",
             about: about.into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
-    /// Bytes in which two models differ, the shorter one's missing ones included.
-    fn difference(a: &Model, b: &Model) -> f64 {
-        let (a, b) = (a.bytes(), b.bytes());
-        let other = a.iter().zip(b).filter(|(a, b)| a != b).count();
-        (other + a.len().abs_diff(b.len())) as f64
+    /// Costs of a build, and the bytes in which its model differs from the usual one, missing ones included.
+    fn rebuild(
+        &self,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        usual: &Built,
+    ) -> Result<(Costs, Errors), Error> {
+        let built = self.build(source, options)?;
+        let (a, b) = (built.model.bytes(), usual.model.bytes());
+        let other = a.iter().zip(b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len());
+        let errors = Errors::default().with(Metric::DifferentBytes, other as f64);
+        Ok((Costs { file_bytes: None, boxes: None, ..built.costs }, errors))
     }
 
     fn budgets(
@@ -301,24 +283,20 @@ impl Bench<'_> {
         let mut rows = Vec::new();
         for mib in BUDGETS_MIB {
             let memory = MemoryCap::Share(mib << 20);
-            let built = match self.build(source, &BuildOptions { memory, ..options.clone() }) {
-                Ok(built) => built,
+            let options = BuildOptions { memory, ..options.clone() };
+            let (costs, errors) = match self.rebuild(source, &options, usual) {
                 Err(Error::Build(error)) if error.minimum_bytes().is_some() => continue,
-                Err(error) => return Err(error),
+                rebuilt => rebuilt?,
             };
-            let errors =
-                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
-            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
             rows.push(Self::row(subject, Bytes(mib << 20).to_string(), mib == 64, costs, errors));
         }
         Ok(Experiment {
             id: "budget",
             title: "How little memory a build takes",
             about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.".into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -332,10 +310,8 @@ impl Bench<'_> {
         let counts = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.threads);
         let mut rows = Vec::new();
         for threads in counts.chain([self.threads]) {
-            let built = self.build(source, &BuildOptions { threads, ..options.clone() })?;
-            let errors =
-                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
-            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
+            let options = BuildOptions { threads, ..options.clone() };
+            let (costs, errors) = self.rebuild(source, &options, usual)?;
             rows.push(Self::row(subject, threads.to_string(), threads == self.threads, costs, errors));
         }
         Ok(Experiment {
@@ -343,10 +319,9 @@ impl Bench<'_> {
             title: "What more threads bring",
             about: "Time of a build by the number of its threads; the model is the same, byte for byte."
                 .into(),
-            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 }

@@ -1,8 +1,8 @@
 //! How far deviations, thicknesses and pores are from the truth of a body, and what they cost.
 
+use std::convert::Infallible;
 use std::fs;
 use std::path::Path;
-use std::time::Instant;
 
 use super::experiments::Bench;
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
@@ -80,10 +80,9 @@ impl Bench<'_> {
                 RADII[3], RADII[0]
             )
             .into(),
-            advice: None,
             drawn: Drawn { cost: 6, metric: Metric::DepthRms },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 }
@@ -106,14 +105,6 @@ fn finest_mm(model: &Model) -> f64 {
     model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
 }
 
-fn seconds<T>(mut run: impl FnMut() -> Result<T, Error>) -> Result<(Times, T), Error> {
-    Times::of(|| {
-        let started = Instant::now();
-        let found = run()?;
-        Ok((started.elapsed().as_secs_f64(), found))
-    })
-}
-
 fn percent(part: usize, all: usize) -> f64 {
     100.0 * part as f64 / all.max(1) as f64
 }
@@ -121,7 +112,7 @@ fn percent(part: usize, all: usize) -> f64 {
 fn deviation(model: &Model, body: &AnalyticVolume) -> Result<Measured, Error> {
     let near = |at: &[f64; 3]| body.surface_at(*at).distance.abs() <= REACH;
     let points: Vec<[f64; 3]> = places(body, PLACES).filter(near).collect();
-    let (times, found) = seconds(|| nearest_points(model, &points, 1, &Silent))?;
+    let (times, found) = Times::measured(|| nearest_points(model, &points, 1, &Silent))?;
     let (mut off, mut sure, mut wrong) = (Vec::new(), 0, 0);
     for (at, mm) in points.iter().zip(found.distance_mm) {
         let (truth, distance) = (body.surface_at(*at).distance, mm / finest_mm(model));
@@ -147,11 +138,11 @@ fn thickness(model: &Model, body: &AnalyticVolume, by: Method, cells: u64) -> Re
         .map(|(number, cell)| (number, surface.sample(surface.cell_place(number, cell))))
         .filter(|(_, sample)| sample.area > 0.0)
         .collect();
-    let (times, found) = seconds(|| {
+    let Ok((times, found)) = Times::measured(|| {
         let mut search = surface.search();
         let measured = chosen.iter().map(|(number, sample)| gauge.measure(&mut search, *number, sample).0);
-        Ok(measured.collect::<Vec<_>>())
-    })?;
+        Ok::<_, Infallible>(measured.collect::<Vec<_>>())
+    });
     let mut off = Vec::new();
     for (found, (_, sample)) in found.into_iter().zip(&chosen) {
         if let Thickness::Of(mm) = found {
@@ -216,7 +207,7 @@ fn length_between(one: [f64; 3], other: [f64; 3]) -> f64 {
 
 fn porosity(path: &Path, body: &AnalyticVolume, balls: &[([f64; 3], f64)]) -> Result<Measured, Error> {
     let request = PoresRequest { bodies: false, least: 1, gap: false };
-    let (times, found): (Times, PoresReport) = seconds(|| pores(path, request, None, &Silent))?;
+    let (times, found): (Times, PoresReport) = Times::measured(|| pores(path, request, None, &Silent))?;
     let unit_mm = body.info().spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
     let (mut off, mut missed) = (Vec::new(), 0);
     for (middle, radius) in balls {
@@ -230,9 +221,8 @@ fn porosity(path: &Path, body: &AnalyticVolume, balls: &[([f64; 3], f64)]) -> Re
             off.push(100.0 * (pore.volume_mm3 / unit_mm.powi(3) / truth - 1.0).abs());
         }
     }
-    let mut errors = Errors::default().with(Metric::Missed, percent(missed, balls.len()));
-    if !off.is_empty() {
-        errors = errors.with(Metric::Volume, off.iter().sum::<f64>() / off.len() as f64);
-    }
+    let mean = (!off.is_empty()).then(|| off.iter().sum::<f64>() / off.len() as f64);
+    let errors =
+        Errors::default().with(Metric::Missed, percent(missed, balls.len())).with(Metric::Volume, mean);
     Ok((times, body.dims().voxels() as f64, errors))
 }

@@ -151,17 +151,14 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         wall_s: started.elapsed().as_secs_f64(),
         files: Vec::new(),
     };
-    for (name, text) in [
-        ("report.html", page::page(&report)),
-        ("report.csv", report.csv()),
-        ("report.json", serde_json::to_string_pretty(&report).unwrap_or_default() + "\n"),
-        ("report.md", table::tables(&report)),
-    ]
-    .into_iter()
-    .map(|(name, text)| (name.to_owned(), text))
-    .chain(page::drawings(&report))
-    .collect::<Vec<_>>()
-    {
+    let mut files = vec![
+        ("report.html".to_owned(), page::page(&report)),
+        ("report.csv".to_owned(), report.csv()),
+        ("report.json".to_owned(), serde_json::to_string_pretty(&report).unwrap_or_default() + "\n"),
+        ("report.md".to_owned(), table::tables(&report)),
+    ];
+    files.extend(page::drawings(&report));
+    for (name, text) in files {
         let path = request.out.join(name);
         let failed = |cause| Error::Output { path: path.clone(), cause };
         let file = AtomicFile::create(&path).map_err(failed)?;
@@ -195,7 +192,7 @@ impl Report {
         let mut text = format!(
             "experiment,subject,choice,default,on_front,{},{}\n",
             Costs::NAMES.join(","),
-            Metric::ALL.map(Metric::key).join(",")
+            Metric::all().map(Metric::key).join(",")
         );
         for experiment in &self.experiments {
             for row in &experiment.rows {

@@ -87,7 +87,7 @@ fn rows(experiments: &[Experiment], settings: [Setting; 5]) -> Vec<Row> {
         let errors = SHOWN.into_iter().fold(Errors::default(), |errors, metric| {
             let values = all.iter().filter_map(|row| row.errors.get(metric));
             let value = if metric == Metric::DepthMax { values.reduce(f64::max) } else { median(values) };
-            value.map_or(errors, |value| errors.with(metric, value))
+            errors.with(metric, value)
         });
         let usual = name.ends_with("(default)");
         Some(Row { subject, choice: name.into(), usual, on_front: false, costs, errors })

@@ -1,7 +1,6 @@
 //! Samplings of a frame and shadings of pictures. One choice more is one entry of a table.
 
 use std::convert::Infallible;
-use std::time::Instant;
 
 use super::experiments::Bench;
 use super::rays::{self, Met};
@@ -86,10 +85,9 @@ impl Bench<'_> {
             id: "frame",
             title: "Whole pictures",
             about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.".into(),
-            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::Picture },
             rows,
-            pictures: Vec::new(),
+            ..Experiment::default()
         })
     }
 
@@ -105,9 +103,8 @@ impl Bench<'_> {
         let stored = rays::cast(model, &lines, self.threads)?;
         let (_, times) = rays::cast_boxes(&space, model, &lines, 0);
         let surface = view.cells().map_or("skin", |_| "cells");
-        let Ok((blending, blended)) = Times::of(|| {
-            let started = Instant::now();
-            let blended: Vec<Option<Met>> = stored
+        let Ok((blending, blended)) = Times::measured(|| {
+            let blended = stored
                 .iter()
                 .map(|met| {
                     let met = (*met)?;
@@ -120,8 +117,8 @@ impl Bench<'_> {
                     };
                     Some(Met { normal: Some(world), ..met })
                 })
-                .collect();
-            Ok::<_, Infallible>((started.elapsed().as_secs_f64(), blended))
+                .collect::<Vec<_>>();
+            Ok::<_, Infallible>(blended)
         });
         let blending = blending.scaled(1e9 / lines.len().max(1) as f64);
         let stored_costs = Costs::default().with_rays(&times);

@@ -1,7 +1,6 @@
 //! The rays of pictures from three sides, and how far their hits are from a reference.
 
 use std::convert::Infallible;
-use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -9,7 +8,7 @@ use super::rows::{Errors, Metric, Times, p99};
 use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
-use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
+use crate::geom::{BoxIndex, Dims, VoxelIndex, cross, dot};
 use crate::load::{Model, NodeView};
 use crate::render::cells::Cells;
 use crate::render::picture::pool;
@@ -75,19 +74,14 @@ pub(super) fn lines(
     model: &Model<impl AsRef<[u8]>>,
     pixels: u32,
 ) -> Result<Vec<Line>, Error> {
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
     let mut all = Vec::new();
     for point in points(space, model) {
         let camera = Camera::new(point, Projection::Perspective, FOV_DEG, 1.0, |_| 0.0)?;
-        all.extend(through_pixels(&camera, pixels));
+        let places = (0..pixels).flat_map(|y| (0..pixels).map(move |x| (x, y)));
+        all.extend(places.map(|(x, y)| camera.ray(at(x), -at(y))));
     }
     Ok(all)
-}
-
-fn through_pixels(camera: &Camera, pixels: u32) -> impl Iterator<Item = Line> {
-    let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
-    (0..pixels)
-        .flat_map(move |y| (0..pixels).map(move |x| (x, y)))
-        .map(move |(x, y)| camera.ray(at(x), -at(y)))
 }
 
 /// The first surface on every line, as single rays see it.
@@ -115,8 +109,7 @@ pub(super) fn cast_boxes(
     let view = model.view();
     let cells = view.cells().map(Cells::new);
     let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
-    let Ok((seconds, hits)) = Times::of(|| {
-        let started = Instant::now();
+    let Ok((seconds, hits)) = Times::measured(|| {
         let hit = |ray: &Option<_>| {
             let ray = ray.as_ref()?;
             match &cells {
@@ -124,8 +117,7 @@ pub(super) fn cast_boxes(
                 None => single::trace(Form::best(), &view, &Skin, ray, k).hit,
             }
         };
-        let hits: Vec<_> = rays.iter().map(hit).collect();
-        Ok::<_, Infallible>((started.elapsed().as_secs_f64(), hits))
+        Ok::<_, Infallible>(rays.iter().map(hit).collect::<Vec<_>>())
     });
     let met = lines.iter().zip(hits).map(|((o, d), hit)| {
         let hit = hit?;
@@ -218,28 +210,22 @@ struct Found {
 
 impl Found {
     fn errors(mut self) -> Errors {
-        let mut errors = Errors::of_distances(&mut self.distances);
-        if self.reference > 0 {
-            errors = errors.with(Metric::WrongPixels, 100.0 * self.wrong as f64 / self.reference as f64);
-        }
-        if self.other_sheet > 0 {
-            errors = errors.with(Metric::OtherSheet, 100.0 * self.other_sheet as f64 / self.reference as f64);
-        }
-        if !self.angles.is_empty() {
-            let mean = self.angles.iter().sum::<f64>() / self.angles.len() as f64;
-            self.angles.sort_by(f64::total_cmp);
-            errors = errors.with(Metric::NormalMean, mean);
-            errors = p99(&self.angles).map_or(errors, |v| errors.with(Metric::NormalP99, v));
-        }
-        errors
+        let percent = |pixels: u64| 100.0 * pixels as f64 / self.reference as f64;
+        let mean = self.angles.iter().sum::<f64>() / self.angles.len() as f64;
+        self.angles.sort_by(f64::total_cmp);
+        Errors::of_distances(&mut self.distances)
+            .with(Metric::WrongPixels, (self.reference > 0).then(|| percent(self.wrong)))
+            .with(Metric::OtherSheet, (self.other_sheet > 0).then(|| percent(self.other_sheet)))
+            .with(Metric::NormalMean, (!self.angles.is_empty()).then_some(mean))
+            .with(Metric::NormalP99, p99(&self.angles))
     }
 }
 
 /// Angle between two vectors in degrees, by the polynomial of the arc tangent that rounds alike everywhere: errors are
 /// compared between machines. Error below 1e-6 degree.
 fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let (sine, cosine) = (dot(cross, cross).sqrt(), dot(a, b));
+    let across = cross(a, b);
+    let (sine, cosine) = (dot(across, across).sqrt(), dot(a, b));
     let (small, large) = if sine < cosine.abs() { (sine, cosine.abs()) } else { (cosine.abs(), sine) };
     if large == 0.0 {
         return 0.0;

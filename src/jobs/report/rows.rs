@@ -2,13 +2,14 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use serde::Serialize;
 
 use super::plot::short;
 
 /// A choice is tried in several ways, everything else left alike.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Experiment {
     /// Short name, the same in every version.
@@ -30,7 +31,7 @@ pub struct Experiment {
 }
 
 /// The two axes of an experiment's drawing.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 #[serde(into = "[&'static str; 2]")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Drawn {
@@ -140,6 +141,15 @@ impl Times {
         Ok((Self(all), result))
     }
 
+    /// Seconds of [`RUNS`] runs, and the result of the last one.
+    pub(super) fn measured<T, E>(mut run: impl FnMut() -> Result<T, E>) -> Result<(Self, T), E> {
+        Self::of(|| {
+            let started = Instant::now();
+            let result = run()?;
+            Ok((started.elapsed().as_secs_f64(), result))
+        })
+    }
+
     pub(super) fn median(&self) -> f64 {
         self.0[self.0.len() / 2]
     }
@@ -154,10 +164,11 @@ impl Times {
 }
 
 /// Kinds of errors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Metric {
     /// Root of the mean square of the distance to the reference, in voxels of the finest spacing.
+    #[default]
     DepthRms,
     /// Its 99th percentile.
     DepthP99,
@@ -185,56 +196,35 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// All of them, in the order of tables.
-    pub(crate) const ALL: [Self; 12] = [
-        Self::DepthRms,
-        Self::DepthP99,
-        Self::DepthMax,
-        Self::OtherSheet,
-        Self::WrongPixels,
-        Self::NormalMean,
-        Self::NormalP99,
-        Self::Picture,
-        Self::DifferentBytes,
-        Self::WrongSides,
-        Self::Volume,
-        Self::Missed,
+    /// Every kind in the order of tables, with its name in files and its title for people.
+    const TABLE: [(Self, &'static str, &'static str); 12] = [
+        (Self::DepthRms, "depth_rms_voxels", "distance RMS, voxels"),
+        (Self::DepthP99, "depth_p99_voxels", "distance p99, voxels"),
+        (Self::DepthMax, "depth_max_voxels", "distance max, voxels"),
+        (Self::OtherSheet, "other_sheet_percent", "another sheet, %"),
+        (Self::WrongPixels, "wrong_pixels_percent", "wrong pixels, %"),
+        (Self::NormalMean, "normal_mean_deg", "normal mean, deg"),
+        (Self::NormalP99, "normal_p99_deg", "normal p99, deg"),
+        (Self::Picture, "picture_rms_levels", "picture RMS, grey levels"),
+        (Self::DifferentBytes, "different_bytes", "bytes that differ"),
+        (Self::WrongSides, "wrong_sides_percent", "wrong sides, %"),
+        (Self::Volume, "volume_error_percent", "pores' volume, %"),
+        (Self::Missed, "missed_percent", "not found, %"),
     ];
+
+    /// Every kind, in the order of tables.
+    pub(crate) fn all() -> [Self; 12] {
+        Self::TABLE.map(|(metric, ..)| metric)
+    }
 
     /// Its name in files.
     pub(crate) fn key(self) -> &'static str {
-        [
-            "depth_rms_voxels",
-            "depth_p99_voxels",
-            "depth_max_voxels",
-            "other_sheet_percent",
-            "wrong_pixels_percent",
-            "normal_mean_deg",
-            "normal_p99_deg",
-            "picture_rms_levels",
-            "different_bytes",
-            "wrong_sides_percent",
-            "volume_error_percent",
-            "missed_percent",
-        ][self as usize]
+        Self::TABLE[self as usize].1
     }
 
-    /// The same for people.
+    /// Its title for people.
     pub(crate) fn title(self) -> &'static str {
-        [
-            "distance RMS, voxels",
-            "distance p99, voxels",
-            "distance max, voxels",
-            "another sheet, %",
-            "wrong pixels, %",
-            "normal mean, deg",
-            "normal p99, deg",
-            "picture RMS, grey levels",
-            "bytes that differ",
-            "wrong sides, %",
-            "pores' volume, %",
-            "not found, %",
-        ][self as usize]
+        Self::TABLE[self as usize].2
     }
 }
 
@@ -242,7 +232,7 @@ impl Metric {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(into = "BTreeMap<&'static str, f64>")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Errors([Option<f64>; Metric::ALL.len()]);
+pub struct Errors([Option<f64>; Metric::TABLE.len()]);
 
 impl From<Costs> for BTreeMap<&'static str, f64> {
     fn from(costs: Costs) -> Self {
@@ -252,7 +242,7 @@ impl From<Costs> for BTreeMap<&'static str, f64> {
 
 impl From<Errors> for BTreeMap<&'static str, f64> {
     fn from(errors: Errors) -> Self {
-        Metric::ALL.into_iter().filter_map(|m| Some((m.key(), errors.get(m)?))).collect()
+        Metric::all().into_iter().filter_map(|m| Some((m.key(), errors.get(m)?))).collect()
     }
 }
 
@@ -261,27 +251,26 @@ impl Errors {
     pub(super) fn of_distances(distances: &mut [f64]) -> Self {
         let squares: f64 = distances.iter().map(|d| d * d).sum();
         distances.sort_by(f64::total_cmp);
-        let values = [
-            (Metric::DepthRms, (!distances.is_empty()).then(|| (squares / distances.len() as f64).sqrt())),
-            (Metric::DepthP99, p99(distances)),
-            (Metric::DepthMax, distances.last().copied()),
-        ];
-        let known = values.into_iter().filter_map(|(metric, value)| Some((metric, value?)));
-        known.fold(Self::default(), |errors, (metric, value)| errors.with(metric, value))
+        Self::default()
+            .with(
+                Metric::DepthRms,
+                (!distances.is_empty()).then(|| (squares / distances.len() as f64).sqrt()),
+            )
+            .with(Metric::DepthP99, p99(distances))
+            .with(Metric::DepthMax, distances.last().copied())
     }
 
-    /// With one error more.
+    /// With one error more, if it is known.
     #[must_use]
-    pub fn with(mut self, metric: Metric, value: f64) -> Self {
-        self.0[metric as usize] = Some(value);
+    pub fn with(mut self, metric: Metric, value: impl Into<Option<f64>>) -> Self {
+        self.0[metric as usize] = value.into();
         self
     }
 
     /// The errors of normals alone.
     pub(super) fn only_normals(&self) -> Self {
-        [Metric::NormalMean, Metric::NormalP99]
-            .into_iter()
-            .fold(Self::default(), |e, m| self.get(m).map_or(e, |v| e.with(m, v)))
+        let both = [Metric::NormalMean, Metric::NormalP99];
+        both.into_iter().fold(Self::default(), |errors, metric| errors.with(metric, self.get(metric)))
     }
 
     /// One of them.
@@ -358,7 +347,7 @@ impl Experiment {
     /// The columns of what at least one row has.
     pub(super) fn columns(&self) -> Vec<Column> {
         let costs = (0..Costs::NAMES.len()).map(Column::Cost);
-        let all = costs.chain(Metric::ALL.into_iter().map(Column::Error));
+        let all = costs.chain(Metric::all().map(Column::Error));
         all.filter(|column| self.rows.iter().any(|row| column.of(row).is_some())).collect()
     }
 }
@@ -382,7 +371,7 @@ impl Row {
             self.on_front.to_string(),
         ];
         fields.extend(self.costs.values().map(number));
-        fields.extend(Metric::ALL.map(|m| number(self.errors.get(m))));
+        fields.extend(self.errors.0.map(number));
         format!("{}\n", fields.join(","))
     }
 }
@@ -402,15 +391,8 @@ mod tests {
             errors: Errors::default().with(Metric::DepthRms, error),
         };
         let rows = vec![row("a", 1.0, 3.0), row("a", 2.0, 3.0), row("a", 3.0, 1.0), row("b", 9.0, 9.0)];
-        let mut all = vec![Experiment {
-            id: "x",
-            title: "",
-            about: "".into(),
-            advice: None,
-            drawn: Drawn { cost: 0, metric: Metric::DepthRms },
-            rows,
-            pictures: Vec::new(),
-        }];
+        let drawn = Drawn { cost: 0, metric: Metric::DepthRms };
+        let mut all = vec![Experiment { id: "x", drawn, rows, ..Experiment::default() }];
         mark_fronts(&mut all);
         let front: Vec<bool> = all[0].rows.iter().map(|r| r.on_front).collect();
         assert_eq!(front, [true, false, true, true]);
