@@ -95,7 +95,8 @@ pub(super) fn measure_until(
     progress: &dyn Progress,
 ) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let (voxels, box_mm) = bounds(view, &space)?;
+    let voxels = extent(view)?;
+    let box_mm = bounds_mm(view, &space);
     let cells = view.cells().is_some();
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
@@ -149,15 +150,14 @@ pub(super) fn measure_until(
     })
 }
 
-/// [`Measures::voxels`] and [`Measures::box_mm`].
-fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<([[u32; 3]; 2], [[f64; 3]; 2])> {
+/// [`Measures::box_mm`].
+fn bounds_mm(view: &ModelView<'_>, space: &GridSpace) -> [[f64; 3]; 2] {
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
         direction[axis] = sign;
         sign * space.support_of_inside(view, direction, None)
     };
-    let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
-    Some((extent(view)?, box_mm))
+    [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)))
 }
 
 /// Weight of a voxel or a cell in the sums.

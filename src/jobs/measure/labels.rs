@@ -7,10 +7,10 @@
 //! lie within the error. Thin labels keep the steps of their voxels in meshes, which have up to 1.6 times the area
 //! then.
 
-use super::{Bend, Bends, Weights, are_uneven, bounds};
+use super::{Bend, Bends, Weights, are_uneven, bounds_mm};
 use crate::format::{Label, Walls};
 use crate::geom::{Affine, Dims, cross, dot};
-use crate::interior::SkinSlices;
+use crate::interior::{SkinSlices, extent};
 use crate::load::ModelView;
 use crate::progress::Progress;
 use crate::render::GridSpace;
@@ -37,7 +37,8 @@ pub(in crate::jobs) fn measure_labels(
     progress: &dyn Progress,
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let (voxels, cells_mm) = bounds(view, &space)?;
+    let voxels = extent(view)?;
+    let cells_mm = bounds_mm(view, &space);
     let mut box_mm = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     let weights = Weights::new(affine, &space, true);
     let mut slices = SkinSlices::new(view, voxels);
