@@ -748,7 +748,7 @@ pub(crate) fn print<T: Serialize>(
     put(&if as_json { text::json(&json()) + "\n" } else { text() })
 }
 
-/// [`print`], without the text under `--quiet`.
+/// Like [`print()`], without the text under `--quiet`.
 pub(crate) fn print_unless_quiet<T: Serialize>(
     run: &RunArgs,
     json: impl FnOnce() -> T,

@@ -134,7 +134,7 @@ impl Surface<'_> {
         &self,
         pages: &mut Pages<'_>,
         place: OctreeBox,
-        way @ (from, axis, up): ([u32; 3], usize, bool),
+        line @ (from, axis, up): ([u32; 3], usize, bool),
     ) -> Option<bool> {
         pages.read(place.level, place.number.get());
         if place.level == 0 || self.is_leaf(place) {
@@ -148,7 +148,7 @@ impl Surface<'_> {
             let is_past = if up { low[axis] + (1 << level) <= from[axis] } else { low[axis] > from[axis] };
             let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
             let number = (!is_past).then(|| self.view.child(node, octant))??;
-            self.first_along(pages, OctreeBox { number, low, level }, way)
+            self.first_along(pages, OctreeBox { number, low, level }, line)
         })
     }
 

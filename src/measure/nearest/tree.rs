@@ -358,12 +358,12 @@ impl Pages<'_> {
         if let Some(last) = self.last.get_mut(level as usize)
             && std::mem::replace(last, page) != page
         {
-            self.turn();
+            self.count();
         }
     }
 
     #[cold]
-    fn turn(&mut self) {
+    fn count(&mut self) {
         self.changed += 1;
         if self.changed >= PAGES {
             self.changed = 0;
