@@ -30,6 +30,7 @@ pub(crate) mod dash {
     pub(crate) const FOLDER: &str = "standard output (-) cannot take several files; name a folder";
     pub(crate) const LAYER: &str =
         "only one picture can go to standard output (-), that of --output; name a file";
+    pub(crate) const TABLE: &str = "a table cannot go to standard output (-); name a file";
     pub(crate) const WITH_JSON: &str =
         "standard output cannot take both the file (-o -) and the report (--json); name a file";
     pub(crate) const TERMINAL: &str =

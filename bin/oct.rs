@@ -602,7 +602,7 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
 fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<(), Failure> {
     refuse_dash(inputs, dash::AMONG_FILES)?;
     refuse_dash(&run.output, dash::MODEL)?;
-    refuse_dash(&run.csv, dash::LAYER)?;
+    refuse_dash(&run.csv, dash::TABLE)?;
     check_suffixes(&run.output, Written::Model, run.force)?;
     inputs.iter().take(1).for_each(|input| platform::tell_of(input, run.run.json));
     Ok(())
@@ -631,7 +631,7 @@ fn thickness(args: &args::ThicknessArgs) -> Result<ExitCode, Failure> {
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
     refuse_dash([&args.model], dash::AMONG_FILES)?;
-    refuse_dash(&args.csv, dash::LAYER)?;
+    refuse_dash(&args.csv, dash::TABLE)?;
     platform::tell_of(&args.model, args.run.json);
     let request = PoresRequest { bodies: args.bodies, least: args.least, gap: args.gap };
     let report = Bars::during(args.run.is_silent(), |bars| {

@@ -98,6 +98,8 @@ fn where_a_dash_makes_no_sense_it_is_refused_and_never_a_file() {
         (&["demo", "-o", "m.oct", "--size", "16", "--write-raw", "-"], "name a file"),
         (&["render", "ball.oct", "-o", "p.png", "--depth", "-"], "one picture"),
         (&["render", "ball.oct", "-o", "-", "--json"], "both"),
+        (&["pores", "ball.oct", "--csv", "-"], "a table"),
+        (&["thickness", "ball.oct", "--csv", "-"], "a table"),
         (&["man", "-"], "folder"),
     ] {
         let done = fed(here, args, b"");
