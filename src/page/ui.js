@@ -494,7 +494,7 @@ function show(model) {
         if (state) view.read(state);
         // The start is framed for a square.
         if (state && !link) view.half /= Math.min(1, aspect());
-        main.classList.toggle('waits', !state && $('still').src.length > 100);
+        main.classList.toggle('waits', !link && $('still').src.length > 100);
         pointers();
         tools();
         showState(state ? '' : 'front');
