@@ -60,7 +60,7 @@ const APART: (f64, f32) = (0.01, 4.0 * f32::EPSILON);
 const APART_OF_ERROR: f64 = 0.01;
 
 /// How often fine corners are kept around the places that are farthest away, and what part of the greatest distance these have.
-const REFINEMENTS: u32 = 3;
+const REFINEMENTS: u32 = 8;
 const WORST: f64 = 0.75;
 
 /// Points or triangles that a thread measures at a time.
@@ -402,12 +402,13 @@ impl Reducer<'_> {
     fn refined(&self, locks: &mut [SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
         let start = self.start();
         let Some(mut best) = self.reduced(&start, f64::INFINITY, 0.0, locks)? else { return Ok(None) };
+        let mut worst = best.worst.clone();
         for _ in 0..REFINEMENTS {
-            self.lock(&start, locks, &best.worst);
-            if let Some(next) = self.reduced(&start, f64::INFINITY, 0.0, locks)?
-                && next.distance_mm < best.distance_mm
-                && next.surface.faces.len() <= best.surface.faces.len().max(self.wanted)
-            {
+            self.lock(&start, locks, &worst);
+            let Some(next) = self.reduced(&start, f64::INFINITY, 0.0, locks)? else { break };
+            worst.clone_from(&next.worst);
+            let is_few = next.surface.faces.len() <= best.surface.faces.len().max(self.wanted);
+            if is_few && next.distance_mm < best.distance_mm {
                 best = next;
             }
         }
