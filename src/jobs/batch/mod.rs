@@ -187,11 +187,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     catalogue.allow_opening(openable);
     // Fewer jobs where the memory is not enough for all.
     let most_jobs = request.jobs.clamp(1, catalogue.len());
-    let beside = |openable, jobs| bytes_beside(&catalogue, openable, jobs);
-    let reserve = |jobs| Some((jobs, reserve_jobs(&budget, beside(openable, jobs), jobs).ok()?));
+    let overhead = |openable, jobs| overhead_bytes(&catalogue, openable, jobs);
+    let reserve = |jobs| Some((jobs, reserve_jobs(&budget, overhead(openable, jobs), jobs).ok()?));
     let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
         let dry = Budget::dry(cap);
-        drop(reserve_jobs(&dry, beside(USUAL_OPENING, 1), 1));
+        drop(reserve_jobs(&dry, overhead(USUAL_OPENING, 1), 1));
         return Err(Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
             name: data(&request.out),
             limit_bytes: limit,
@@ -200,7 +200,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     };
     let builds = budget.reserve_rest().into_budget();
     let with_all_jobs = Budget::dry(cap);
-    let _all = with_all_jobs.reserve(beside(openable, most_jobs));
+    let _all = with_all_jobs.reserve(overhead(openable, most_jobs));
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -264,15 +264,15 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 /// Most left-out files that reports name; some 100 KiB at a time.
 const MAX_NAMED: usize = 1000;
 
-/// Reserves the memory `beside` the builds of so many jobs, if enough is left for useful builds.
-fn reserve_jobs(budget: &Budget, beside: u64, jobs: usize) -> Result<Reservation, TooSmall> {
-    let held = budget.reserve(beside)?;
+/// Reserves `overhead` bytes for so many jobs, if enough is left for useful builds.
+fn reserve_jobs(budget: &Budget, overhead: u64, jobs: usize) -> Result<Reservation, TooSmall> {
+    let held = budget.reserve(overhead)?;
     drop(budget.reserve(MIN_JOB * jobs as u64)?);
     Ok(held)
 }
 
 /// Memory of so many jobs beyond their builds: code, opening and watching in each, and inputs that stay open.
-fn bytes_beside(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
+fn overhead_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let code = if jobs > 1 { BATCH_CODE } else { 0 };
     code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs)
 }

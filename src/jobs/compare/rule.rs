@@ -190,9 +190,10 @@ impl Rule {
         self.is_whole || (0..3).all(inside)
     }
 
-    /// The deviation of a place in the other model's frame, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
-    /// and the nearest one that is not is asked for. Its own normal says the sign if the way to it runs along it: on the far
-    /// side of a wall that was moved by more than its thickness the solid's side would be the wrong one.
+    /// The deviation of a place in the other model's frame, by its nearest point, which decides. Where its normal is
+    /// turned away it is no counterpart, and the nearest one that is not is asked for. Its own normal says the sign if the
+    /// way to it runs along it: on the far side of a wall that was moved by more than its thickness the solid's side would
+    /// be the wrong one.
     fn deviation(
         &self,
         search: &mut Search<'_>,
