@@ -13,6 +13,9 @@ use crate::geom::{add_scaled, cross, dot};
 /// How often pairs are exchanged, or corners moved.
 const ROUNDS: u32 = 64;
 
+/// The volume of a cavity that closed, by that of its body, below which it is left out.
+const SMALL: f64 = 1e-3;
+
 /// The partner of an edge that has none.
 const NONE: u32 = u32::MAX;
 
@@ -124,6 +127,44 @@ impl Surface {
         volumes
     }
 
+    /// Leaves out pieces that came apart from a part and are at most `thick` in the mean, and cavities in it that closed and
+    /// are small; returns their corners. `parts`: of the corners by their old numbers. The largest piece of a part stays.
+    pub(super) fn drop_fragments(&mut self, parts: &[u32], thick: f64) -> Vec<[f32; 3]> {
+        let (pieces, count) = self.parts();
+        let volumes = self.volumes(&pieces, count);
+        let (mut areas, mut of) = (vec![0.0; count], vec![0; count]);
+        for face in &self.faces {
+            let (piece, normal) = (pieces[face[0] as usize] as usize, self.normal(face));
+            areas[piece] += dot(normal, normal).sqrt();
+            of[piece] = parts[self.olds[face[0] as usize] as usize];
+        }
+        let mut largest = HashMap::new();
+        for (part, volume) in of.iter().zip(&volumes) {
+            let most = largest.entry(part).or_insert(0.0_f64);
+            if volume.abs() > most.abs() {
+                *most = *volume;
+            }
+        }
+        // `areas` are of both sides and twice as large, `volumes` six times as large.
+        let is_fragment = |piece: usize| {
+            let (volume, most) = (volumes[piece], largest[&of[piece]]);
+            let is_small = volume * most < 0.0 && volume.abs() < SMALL * most.abs();
+            volume.abs() < most.abs() && (is_small || volume.abs() <= 1.5 * areas[piece] * thick)
+        };
+        let is_fragment: Vec<bool> = (0..count).map(is_fragment).collect();
+        self.drop(&pieces, &is_fragment)
+    }
+
+    /// Leaves out some pieces, and returns their corners.
+    fn drop(&mut self, pieces: &[u32], is_gone: &[bool]) -> Vec<[f32; 3]> {
+        let is_left_out = |corner: u32| is_gone[pieces[corner as usize] as usize];
+        let corners = (0..).zip(&self.at).filter(|(corner, _)| is_left_out(*corner));
+        let places = corners.map(|(_, at)| *at).collect();
+        self.faces.retain(|face| !is_left_out(face[0]));
+        self.compact();
+        places
+    }
+
     /// Leaves out all bodies but the largest, and cavities in them; returns how many bodies, and their corners.
     pub(super) fn keep_body(&mut self) -> (u64, Vec<[f32; 3]>) {
         let (parts, count) = self.parts();
@@ -146,12 +187,7 @@ impl Surface {
             let is_near = |[low, high]: &[[f64; 3]; 2]| (0..3).all(|a| low[a] <= at[a] && at[a] <= high[a]);
             is_gone[part] = boxes.iter().any(|(bounds, faces)| is_near(bounds) && is_around(faces, at));
         }
-        let is_left_out = |corner: u32| is_gone[parts[corner as usize] as usize];
-        let places =
-            (0..).zip(&self.at).filter(|(corner, _)| is_left_out(*corner)).map(|(_, at)| *at).collect();
-        self.faces.retain(|face| !is_left_out(face[0]));
-        self.compact();
-        (bodies, places)
+        (bodies, self.drop(&parts, &is_gone))
     }
 
     /// Four corners of each part that lie far apart, and how far the first two do.
@@ -440,5 +476,24 @@ mod tests {
         let before = surface.at.clone();
         assert!(surface.repair(0.01));
         assert_eq!(surface.at, before);
+    }
+
+    #[test]
+    fn thin_pieces_and_small_cavities_that_came_apart_are_left_out() {
+        let solid: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let mut surface = Surface { at: Vec::new(), faces: Vec::new(), olds: Vec::new() };
+        // The part, size and height of tetrahedra; below 0 of a cavity.
+        let tetrahedra: [(u32, f32, f32); 6] =
+            [(0, 10.0, 10.0), (0, 3.0, 0.01), (0, 3.0, 3.0), (0, 0.5, -0.5), (0, 5.0, -5.0), (1, 3.0, 0.01)];
+        for (number, (part, size, height)) in (0_u16..).zip(tetrahedra) {
+            let first = u32::try_from(surface.at.len()).unwrap();
+            let x = 100.0 * f32::from(number);
+            surface.at.extend([[x, 0.0, 0.0], [x + size, 0.0, 0.0], [x, size, 0.0], [x, 0.0, height]]);
+            surface.olds.extend([part; 4]);
+            surface.faces.extend(solid.map(|face| face.map(|corner| first + corner)));
+        }
+        let gone = surface.drop_fragments(&[0, 1], 0.02);
+        let left: Vec<f32> = surface.at.chunks_exact(4).map(|piece| piece[0][0]).collect();
+        assert_eq!((gone.len(), left), (8, vec![0.0, 200.0, 400.0, 500.0]));
     }
 }

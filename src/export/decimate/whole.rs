@@ -63,6 +63,9 @@ const APART_OF_ERROR: f64 = 0.01;
 const REFINEMENTS: u32 = 8;
 const WORST: f64 = 0.75;
 
+/// Steps that a piece is thick, in the mean, whose sheets touched before these were moved apart; at most.
+const THIN: f64 = 4.0;
+
 /// Points or triangles that a thread measures at a time.
 const CHUNK: usize = 64;
 
@@ -387,26 +390,37 @@ impl Reducer<'_> {
             && fine.faces.iter().all(|face| near(&few_tree, middle(fine.corners(face))))
     }
 
-    /// Keeps fine corners within a voxel of some places.
-    fn lock(&self, start: &Surface, locks: &mut [SimplifyVertex], worst: &[[f32; 3]]) {
+    /// Keeps fine corners within `mm` of some places; true if some of them were not kept before.
+    fn lock(start: &Surface, locks: &mut [SimplifyVertex], worst: &[[f32; 3]], mm: f64) -> bool {
         let places = Tree::new(worst.iter().map(|place| [*place; 3]).collect());
-        let square = self.voxel_mm * self.voxel_mm;
+        let square = mm * mm;
         let is_near = |at: &[f32; 3]| places.square(at.map(f64::from), &mut 0, square) <= square;
         let near: Vec<bool> = start.at.par_iter().map(is_near).collect();
+        let mut is_new = false;
         for (old, _) in start.olds.iter().zip(near).filter(|(_, near)| *near) {
-            locks[*old as usize] = SimplifyVertex::Lock;
+            let lock = &mut locks[*old as usize];
+            is_new |= !lock.contains(SimplifyVertex::Lock);
+            *lock = SimplifyVertex::Lock;
         }
+        is_new
     }
 
     /// As many triangles as are wanted, with fine corners at the places that would be farthest away.
     fn refined(&self, locks: &mut [SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
         let start = self.start();
         let Some(mut best) = self.reduced(&start, f64::INFINITY, 0.0, locks)? else { return Ok(None) };
-        let mut worst = best.worst.clone();
+        let (mut worst, mut distance_mm) = (best.worst.clone(), best.distance_mm);
         for _ in 0..REFINEMENTS {
-            self.lock(&start, locks, &worst);
+            // A kept corner goes with its triangles where all of its neighbours become one.
+            let neighbours_mm = 2.0 * distance_mm.max(self.voxel_mm);
+            if !Self::lock(&start, locks, &worst, self.voxel_mm)
+                && !Self::lock(&start, locks, &worst, neighbours_mm)
+            {
+                break;
+            }
             let Some(next) = self.reduced(&start, f64::INFINITY, 0.0, locks)? else { break };
             worst.clone_from(&next.worst);
+            distance_mm = next.distance_mm;
             let is_few = next.surface.faces.len() <= best.surface.faces.len().max(self.wanted);
             if is_few && next.distance_mm < best.distance_mm {
                 best = next;
@@ -425,9 +439,16 @@ impl Reducer<'_> {
     ) -> Result<Option<Fewer>, Stopped> {
         self.progress.check()?;
         let Some(mut surface) = self.collapsed(start, limit, locks)? else { return Ok(None) };
+        let (mut pieces_gone, mut gone) = (0, Vec::new());
         // Within a distance all pieces stay.
-        let is_whole = self.is_one && limit.is_infinite();
-        let (pieces_gone, gone) = if is_whole { surface.keep_body() } else { (0, Vec::new()) };
+        if limit.is_infinite() {
+            gone = surface.drop_fragments(&self.parts, THIN * self.step);
+            if self.is_one {
+                let (count, places) = surface.keep_body();
+                pieces_gone = count;
+                gone.extend(places);
+            }
+        }
         let (distance_mm, mut worst) = self.distance(&surface, mm)?;
         worst.extend(gone);
         Ok(Some(Fewer { surface, distance_mm, worst, pieces_gone }))
@@ -449,8 +470,8 @@ impl Reducer<'_> {
             let locks: Vec<_> = surface.olds.iter().map(lock).collect();
             surface.collapse(self.wanted, limit, &locks);
             self.progress.check()?;
-            // Within a distance, sheets without thickness stay.
-            if limit.is_infinite() {
+            // Sheets without thickness stay unless so few triangles are not reached with them.
+            if limit.is_infinite() && round >= ROUNDS / 2 {
                 surface.cancel();
             }
             let gone =
