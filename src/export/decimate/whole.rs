@@ -205,7 +205,7 @@ const OF_RMS: usize = 20_000;
 /// Makes triangles fewer and moves their corners. `is_open`: true for a part of a surface, whose border stays, and which is
 /// not repaired.
 ///
-/// Memory: some 220 bytes a fine triangle.
+/// Memory: some 260 bytes a fine triangle.
 pub(in crate::export) fn reduce(
     fine: Surface,
     goal: Goal,
