@@ -189,6 +189,8 @@ pub(crate) struct Exported {
     pub(crate) fine_triangles: u64,
     /// Greatest distance in mm between the reduced surface and the fine one, where it was measured.
     pub(crate) distance_mm: Option<f64>,
+    /// Place of that distance, in LPS mm.
+    pub(crate) distance_at: Option<[f32; 3]>,
     /// Bound of that distance, in mm.
     pub(crate) within_mm: Option<f64>,
     /// Root mean square distance from places of the fine surface to the reduced one, in mm, where it was measured.

@@ -87,6 +87,9 @@ pub struct ExportReport {
     /// Greatest distance in mm between the written surface and the fine triangles, as measured up to some 8 million of these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
+    /// Place of that distance, in LPS mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_at_mm: Option<[f32; 3]>,
     /// Bound of that distance: the error, or the known bound where it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
@@ -272,6 +275,7 @@ fn report(
         triangles: made.triangles,
         fine_triangles: Some(made.fine_triangles).filter(|count| *count > 0),
         distance_mm: made.distance_mm,
+        distance_at_mm: made.distance_at,
         within_mm: made.within_mm,
         closed: made.is_closed,
         rms_mm: made.rms_mm,
@@ -579,7 +583,11 @@ impl ExportReport {
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| {
                 let rms = self.rms_mm.map_or_else(String::new, |mm| format!(", {} mm RMS", Rounded(mm)));
-                format!(", at most {} mm from them{rms} (measured)", Rounded(mm))
+                let at = self.distance_at_mm.map_or_else(String::new, |at| {
+                    let [x, y, z] = at.map(|c| Rounded(c.into()));
+                    format!(" at {x}, {y}, {z}")
+                });
+                format!(", at most {} mm from them{at}{rms} (measured)", Rounded(mm))
             });
             let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));
             text += &format!("  of {fine} fine triangles{}\n", apart.or_else(within).unwrap_or_default());

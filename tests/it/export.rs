@@ -470,6 +470,8 @@ fn meshes_of_a_number_of_triangles_are_closed_and_as_near_as_stated() {
             let back = new.triangles.iter().map(|t| old.distance(middle(t)));
             let found = there.chain(back).fold(0.0, f64::max);
             assert!(found <= stated + 1e-4 && stated <= 2.0 * found, "{stated} of {found}");
+            let at = report.distance_at_mm.unwrap().map(f64::from);
+            assert!(old.distance(at) < 1e-4 && new.distance(at) <= stated + 1e-4, "{at:?}: {stated}");
         }
         // Of a number and a distance counts what is reached first.
         let alone = reduced("alone.ply", None, Some(0.8)).triangles;
@@ -480,6 +482,7 @@ fn meshes_of_a_number_of_triangles_are_closed_and_as_near_as_stated() {
         }
         let all = reduced("all.ply", Some(1 << 40), None);
         assert_eq!((all.triangles, all.distance_mm), (fine.triangles.len() as u64, Some(0.0)));
+        assert_eq!(all.distance_at_mm, None);
         assert!(all.warnings[0].contains("no more than asked for"), "{:?}", all.warnings);
         assert!(reduced("one.ply", Some(1), None).warnings[0].contains("no closed surface of 1"));
     }

@@ -80,6 +80,8 @@ pub(in crate::export) struct Goal {
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
+    /// Place of that distance; `None` where it was not measured.
+    at: Option<[f32; 3]>,
     /// Root mean square distance from corners of the surface before; of a whole surface.
     rms_mm: Option<f64>,
     parts_gone: u64,
@@ -141,7 +143,8 @@ impl<'a> Whole<'a> {
         let slab_mm = self.slab_mm.unwrap_or_default();
         self.slab = [0; 2];
         let goal = Goal { error_mm: self.goal.error_mm.map(|mm| mm - slab_mm), ..self.goal };
-        let Apart { distance_mm, rms_mm, parts_gone, pieces_gone, was_one } = self.reduced(goal, false)?;
+        let Apart { distance_mm, at, rms_mm, parts_gone, pieces_gone, was_one } =
+            self.reduced(goal, false)?;
         // The sum over two reductions, one of slabs and one of their union, is a bound.
         let (distance_mm, within_mm) = match self.slab_mm {
             Some(slab_mm) => (None, Some(distance_mm + slab_mm)),
@@ -152,6 +155,7 @@ impl<'a> Whole<'a> {
             triangles: self.faces.len() as u64,
             fine_triangles: made.triangles,
             distance_mm,
+            distance_at: at.filter(|_| distance_mm.is_some()),
             within_mm,
             rms_mm: rms_mm.filter(|_| self.slab_mm.is_none()),
             parts_gone: Some(parts_gone),
@@ -239,13 +243,16 @@ pub(in crate::export) fn reduce(
         Some(mm) => reducer.within(mm, &locks)?,
         None => reducer.refined(&mut locks)?,
     };
-    let Some(Fewer { mut surface, distance_mm, pieces_gone, .. }) = found else {
+    let Some(Fewer { mut surface, distance_mm, worst, pieces_gone }) = found else {
         return Ok((reducer.fine, Apart::default()));
     };
     let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
     let rms_mm = reducer.rms(&surface);
     surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
-    Ok((surface, Apart { distance_mm, rms_mm, parts_gone, pieces_gone, was_one: is_one }))
+    Ok((
+        surface,
+        Apart { distance_mm, at: worst.first().copied(), rms_mm, parts_gone, pieces_gone, was_one: is_one },
+    ))
 }
 
 /// Hands over points of an item.
@@ -255,7 +262,7 @@ type Points<'p, T> = dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync + 'p;
 struct Fewer {
     surface: Surface,
     distance_mm: f64,
-    /// Points near which the distance is not much smaller, or of pieces that were left out.
+    /// Points near which the distance is greatest, or not much smaller, then those of pieces that were left out.
     worst: Vec<[f32; 3]>,
     pieces_gone: u64,
 }
@@ -497,8 +504,8 @@ impl Reducer<'_> {
         is_gone
     }
 
-    /// The greatest distance of a surface from the fine one, or of that one from it, and places of the fine one where it is not
-    /// much smaller; below half of `mm` it may be too great.
+    /// The greatest distance of a surface from the fine one, or of that one from it, and places of the fine one where it is so
+    /// great, and then where it is not much smaller; below half of `mm` it may be too great.
     fn distance(&self, few: &Surface, mm: f64) -> Result<(f64, Vec<[f32; 3]>), Stopped> {
         let tree = Tree::new(few.triangles().collect());
         let far = Far { most: AtomicU64::new(0), least: 0.25 * mm * mm, progress: self.progress };
@@ -516,6 +523,7 @@ impl Reducer<'_> {
         self.progress.check()?;
         let enough = far.enough();
         all.retain(|(square, _)| *square > enough);
+        all.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         let most = f64::from_bits(far.most.into_inner());
         Ok((most.sqrt(), all.into_iter().map(|(_, at)| at).collect()))
     }

@@ -55,7 +55,9 @@ impl Exporter<'_> {
                 weights[at] = to_f64(made.triangles) * apart_mm;
                 sum.triangles += made.triangles;
                 sum.fine_triangles += made.fine_triangles;
-                sum.distance_mm = [sum.distance_mm, made.distance_mm].into_iter().flatten().reduce(f64::max);
+                if made.distance_mm > sum.distance_mm {
+                    (sum.distance_mm, sum.distance_at) = (made.distance_mm, made.distance_at);
+                }
                 sum.within_mm = made.within_mm;
                 sum.parts_gone =
                     Some(sum.parts_gone.unwrap_or_default() + made.parts_gone.unwrap_or_default());
