@@ -8,7 +8,7 @@ use crate::builder::BuildReport;
 use crate::clean::CleanReport;
 use crate::jobs::info::{self, Info};
 use crate::text::names::MEMORY;
-use crate::text::{Count, Short, shown};
+use crate::text::{Count, Rounded, Short, shown};
 
 /// Input, output, figures and warnings of a build.
 #[derive(Clone, Debug)]
@@ -83,7 +83,9 @@ impl BuildSummary {
                 }
                 if r.largest_dropped > 0 {
                     let voxels = Count(r.largest_dropped, "voxel");
-                    text += &format!(", the largest of the others with {voxels}");
+                    let mm3 = r.largest_dropped as f64
+                        * self.info.frame.metadata.spacing_mm.iter().product::<f64>();
+                    text += &format!(", the largest of the others with {voxels} ({} mm³)", Rounded(mm3));
                 }
             }
             text += "\n";
