@@ -585,7 +585,7 @@ impl ExportReport {
                 let rms = self.rms_mm.map_or_else(String::new, |mm| format!(", {} mm RMS", Rounded(mm)));
                 let at = self.distance_at_mm.map_or_else(String::new, |at| {
                     let [x, y, z] = at.map(|c| Rounded(c.into()));
-                    format!(" at {x}, {y}, {z}")
+                    format!(" (at {x}, {y}, {z} mm)")
                 });
                 format!(", at most {} mm from them{at}{rms} (measured)", Rounded(mm))
             });
