@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use crate::clean::Preset;
 use crate::text::Short;
-use crate::text::names::{PRESET, SURFACE, UNIT};
+use crate::text::names::{KEEP_LARGEST, PRESET, SURFACE, UNIT};
 
 /// A suggestion for a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,9 +68,10 @@ impl fmt::Display for Hint {
                         "surfaces across it look like stairs; `{SURFACE} cells` makes them smooth"
                     );
                 }
-                f.write_str(
-                    "thin walls that slope across it fall into strips, and surfaces are off by tenths of the shortest \
-                     side; build a series of thinner slices if there is one",
+                write!(
+                    f,
+                    "thin walls that slope across it fall into strips, which `{KEEP_LARGEST}` leaves out, and surfaces \
+                     are off by tenths of the shortest side; build a series of thinner slices if there is one"
                 )
             }
             Self::Size { longest_mm } => write!(
