@@ -570,6 +570,9 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("SPACING", "1 -1 1"),
                 ("POINT_DATA", "6o"),
                 ("POINT_DATA", "59"),
+                ("DIMENSIONS", "4 3 5\nDIMENSIONS 5 3 4"),
+                ("SPACING", "1 1 1\nASPECT_RATIO 9 9 9"),
+                ("ORIGIN", "0 0 0\nORIGIN 1 0 0"),
             ],
         ),
         (
@@ -677,6 +680,15 @@ fn what_other_programs_leave_out_or_add_is_read() {
         (r#"{"shape": [3, 5, 3, 4]}"#, "10 pages do not make"),
         (r#"{"shape": [2, 5, 4, 4]}"#, "whose last sides are not those of a page"),
         ("ImageJ=1.53\nimages=10\nslices=5\nframes=2,0\n", "`2,0` for frames"),
+        ("ImageJ=1.53\nimages=10\nslices=10\ncf=1\nc0=0\nc1=1\nc2=2\n", "by ImageJ's function 1 (cf)"),
+        ("\u{feff}ImageJ=1.53\nimages=10\nslices=5\nframes=3\n", "10 pages do not make"),
+        (
+            "<OME><Pixels SizeZ=\"20\" SizeC=\"1\" SizeT=\"1\"></Pixels></OME>",
+            "10 pages do not make: T 1, C 1, Z 20",
+        ),
+        ("<OME><Pixels SizeX=\"5\" SizeZ=\"10\"></Pixels></OME>", "states 5 for SizeX, and its pages have 4"),
+        ("<OME><Pixels SizeZ=\"10\"><TiffData IFD=\"0\" FirstZ=\"9\"/></Pixels></OME>", "in another order"),
+        ("<OME><Pixels SizeZ=\"10\"><TiffData FirstZ=\"3,0\"/></Pixels></OME>", "`3,0` for FirstZ"),
     ] {
         let bytes = Tiff { description: description.to_owned(), ..Tiff::default() }.write(&two);
         let refused = volumes_of(&file(folder.path(), "wrong.tif", &bytes), &[]).unwrap_err();
@@ -695,9 +707,11 @@ fn what_other_programs_leave_out_or_add_is_read() {
 
 #[test]
 fn frames_with_one_position_are_slices_as_far_apart_as_they_are_thick() {
-    for (thickness, step, note) in
-        [(Some("2"), 2.0, "by the slice thickness"), (None, 1.0, "1 mm is assumed between them")]
-    {
+    for (thickness, step, note) in [
+        (Some("2"), 2.0, "by the slice thickness"),
+        (None, 1.0, "1 mm is assumed between them"),
+        (Some("-2"), 1.0, "1 mm is assumed between them"),
+    ] {
         let mut image = Elements::ct(0.0, 1, [0; 4]);
         image.without(0x0018_0050).set(0x0028_0008, "IS", "4");
         thickness.into_iter().for_each(|mm| _ = image.set(0x0018_0050, "DS", mm));

@@ -90,7 +90,7 @@ impl Keys {
 
     /// Keys of a TOML text, as far as [`flat_toml`] reads it, or the reason why they cannot be parsed.
     pub(super) fn of_toml(text: &str) -> Result<Self, String> {
-        let keys = flat_toml(text);
+        let keys = flat_toml(text)?;
         match lost_in_toml(text, &keys) {
             Some((key, value)) => Err(format!(
                 "the value of {key}, `{}`, is neither a string nor a number nor a list of these",
@@ -208,7 +208,7 @@ fn lost_in_toml<'a>(text: &'a str, keys: &Map<String, Value>) -> Option<(&'a str
 
 /// The keys of a TOML text before its first table. Strings, numbers and lists of these are read as JSON, from which
 /// they differ in quotes and commas only; other values are left out.
-fn flat_toml(text: &str) -> Map<String, Value> {
+fn flat_toml(text: &str) -> Result<Map<String, Value>, String> {
     let plain = |line: &str| {
         let mut quoted = false;
         let comment = line.char_indices().find(|(_, c)| {
@@ -234,10 +234,13 @@ fn flat_toml(text: &str) -> Map<String, Value> {
         }
         let value = value.replace('\'', "\"").replace(" ]", "]").replace(",]", "]");
         if let Ok(value) = serde_json::from_slice(value.as_bytes()) {
-            keys.insert(key.trim().trim_matches('"').to_owned(), value);
+            let key = key.trim().trim_matches('"');
+            if keys.insert(key.to_owned(), value).is_some() {
+                return Err(format!("`{}` is stated twice", key.escape_debug()));
+            }
         }
     }
-    keys
+    Ok(keys)
 }
 
 #[cfg(test)]
@@ -249,11 +252,12 @@ mod tests {
         let text = "# a head\n dims = [ # x first\n  2, 3,\n  4,\n ]\ndtype = 'u8' # \"#\"\nnote = \"a # b\"\n\
                     date = 2026-11-21\nskip = 7\n[table]\nskip = 9\n";
         let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
-        assert_eq!(Value::Object(flat_toml(text)), expected);
-        assert!(flat_toml("a = [1,\n\n= = =\n'").is_empty());
+        assert_eq!(Value::Object(flat_toml(text).unwrap()), expected);
+        assert!(flat_toml("a = [1,\n\n= = =\n'").unwrap().is_empty());
         // Comment signs in an endless text: each is looked at once.
         let started = std::time::Instant::now();
-        assert!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))).is_empty());
+        assert!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))).unwrap().is_empty());
+        assert!(flat_toml("skip = 1\n\"skip\" = 2\n").unwrap_err().contains("twice"));
         assert!(started.elapsed() < std::time::Duration::from_secs(2));
     }
 

@@ -279,6 +279,9 @@ impl Header {
                         b"vertex_indices" | b"vertex_index" => Name::Corners,
                         _ => Name::Other,
                     };
+                    if PLACE.contains(&name) && element.properties.iter().any(|before| before.name == name) {
+                        return Err(wrong());
+                    }
                     element.properties.push(Property { name, length, value });
                 }
                 b"end_header" => {
@@ -566,7 +569,7 @@ impl Binary {
         for face in 0..self.faces {
             let mut color = None;
             if let Some((stream, scale)) = &mut ahead {
-                color = Some(light(self.face_color(stream)?.map(|c| c * *scale)));
+                color = Some(light(self.face_color(stream)?.map(|c| c * *scale))?);
             }
             self.face(&mut stream, face, &mut places, &mut Ok, &mut |corners| {
                 triangles += 1;

@@ -1,8 +1,11 @@
 //! Colours and normals of vertices, looked up by the numbers of vertices.
 
+use std::ops::RangeInclusive;
+
 use super::appearance::{Appearance, linear};
 use super::stop::Stop;
 use super::vertices::{FEW_PAGES, Pages, Vertices};
+use crate::fault::{Fault, bad};
 
 #[derive(Debug, Default)]
 pub(super) struct VertexLooks {
@@ -39,9 +42,18 @@ pub(super) fn single(v: [f64; 3]) -> [f32; 3] {
     v.map(|c| c as f32)
 }
 
+/// Parts of a colour; a little beyond 0 and 1 for the rounding of text.
+const PARTS: RangeInclusive<f64> = -0.001..=1.001;
+
 /// Linear light of a stored colour (0 to 1).
-pub(super) fn light(stored: [f64; 3]) -> [f32; 3] {
-    single(stored).map(|c| if c.is_finite() { linear(c.clamp(0.0, 1.0)) } else { 0.0 })
+///
+/// # Errors
+/// A part outside 0 to 1, such as of 255, or that is no number.
+pub(super) fn light(stored: [f64; 3]) -> Result<[f32; 3], Fault> {
+    match stored.into_iter().find(|part| !PARTS.contains(part)) {
+        Some(part) => Err(bad!("{part} is not a part of a colour, from 0 to 1; correct its colours")),
+        None => Ok(single(stored).map(|c| linear(c.clamp(0.0, 1.0)))),
+    }
 }
 
 impl LookReader<'_> {
@@ -51,7 +63,7 @@ impl LookReader<'_> {
         if let Some((pages, scale)) = &mut self.colors {
             let mut three = [[0.0; 3]; 3];
             for (out, at) in three.iter_mut().zip(corners) {
-                *out = light(pages.get(at.into(), face)?.map(|c| c * *scale));
+                *out = light(pages.get(at.into(), face)?.map(|c| c * *scale))?;
             }
             look.colors = Some(three);
         }
@@ -74,7 +86,7 @@ impl LookReader<'_> {
     ) -> Result<Appearance, Stop> {
         let mut look = self.look(corners, face)?;
         if let Some((pages, scale)) = &mut self.of_triangles {
-            look.colors = Some([light(pages.get(triangle, face)?.map(|c| c * *scale)); 3]);
+            look.colors = Some([light(pages.get(triangle, face)?.map(|c| c * *scale))?; 3]);
         }
         Ok(look)
     }

@@ -9,7 +9,9 @@ use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright}
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
-use crate::source::header::{Lines, check_links, exactly, files_beside, listed, number, text, unreadable};
+use crate::source::header::{
+    Lines, Once, check_links, exactly, files_beside, listed, number, text, unreadable,
+};
 use crate::source::payload::Encoding;
 use crate::volume::{Endian, Note, Result, VolumeSource};
 
@@ -28,8 +30,9 @@ pub(in crate::source) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<
     let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut lines = Lines::new(&file);
     let mut fields = Fields { files: files_beside(path), ..Fields::default() };
+    let mut once = Once::new(&["size", "datatype", "bitsperelement", "resolution", "unit"]);
     while let Some(line) = lines.next().map_err(|cause| unreadable(path, cause))? {
-        fields.line(&text(&line)).map_err(refused(path))?;
+        fields.line(&text(&line), &mut once).map_err(refused(path))?;
     }
     if fields.files.len() == 0 {
         return Err(refused(path)(missing("the name of its .vol")));
@@ -54,7 +57,7 @@ struct Fields {
 }
 
 impl Fields {
-    fn line(&mut self, line: &str) -> Read<()> {
+    fn line(&mut self, line: &str, once: &mut Once) -> Read<()> {
         if let Some(object) = line.strip_prefix('{') {
             self.volumes += usize::from(
                 object.trim_end_matches('}').strip_prefix("volume").is_some_and(|n| n.parse::<u32>().is_ok()),
@@ -67,8 +70,12 @@ impl Fields {
         let Some((key, value)) = line.split_once('=') else { return Ok(()) };
         let (key, value) = (key.trim().to_lowercase(), value.trim());
         let of_file = self.section.starts_with("file");
-        if (of_file || self.section == "representation") && self.volumes > 1 {
+        let is_read = of_file || ["representation", "geometry"].contains(&self.section.as_str());
+        if is_read && self.volumes > 1 {
             return Ok(());
+        }
+        if is_read && !of_file {
+            once.check(&key)?;
         }
         match (self.section.as_str(), key.as_str()) {
             ("representation", "size") => self.size = Some(exactly("size", value)?),

@@ -7,7 +7,7 @@ use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright}
 use crate::fault::{Fault, bad};
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
-use crate::source::header::{Lines, exactly, number, text, unreadable};
+use crate::source::header::{Lines, Once, exactly, number, text, unreadable};
 use crate::source::payload::{Encoding, Samples};
 use crate::volume::{Endian, Result, VolumeSource};
 
@@ -21,6 +21,7 @@ pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dy
     let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut lines = Lines::new(&file);
     let mut fields = Fields::default();
+    let mut once = Once::new(&["DIMENSIONS", "ORIGIN", "SPACING", "POINT_DATA"]);
     let mut number = 0;
     while let Some(line) = lines.next().map_err(|cause| unreadable(path, cause))? {
         number += 1;
@@ -31,7 +32,7 @@ pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dy
         let line = text(&line);
         if line.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("FIELD")) {
             skip_field(&line, &mut lines, path)?;
-        } else if fields.line(&line).map_err(refused(path))? {
+        } else if fields.line(&line, &mut once).map_err(refused(path))? {
             return fields.headed(lines.offset).map_err(refused(path))?.open(path, None);
         }
     }
@@ -82,10 +83,11 @@ struct Fields {
 
 impl Fields {
     /// Reads a line; returns true if samples follow it.
-    fn line(&mut self, line: &str) -> Read<bool> {
+    fn line(&mut self, line: &str, once: &mut Once) -> Read<bool> {
         let mut words = line.split_whitespace();
         let keyword = words.next().unwrap_or_default().to_uppercase();
         let rest = line.get(keyword.len()..).unwrap_or_default();
+        once.check(if keyword == "ASPECT_RATIO" { "SPACING" } else { &keyword })?;
         match keyword.as_str() {
             "ASCII" => return Err(unread("text (ASCII)", "write it as BINARY, or as MetaImage or NRRD")),
             "BINARY" => self.binary = true,

@@ -5,6 +5,10 @@ use serde_json::Value;
 use crate::fault::{Fault, bad};
 use crate::source::header::{number, unit_mm};
 
+/// ImageJ's numbers of calibration by a straight line, and of none.
+const STRAIGHT_LINE: u8 = 0;
+const UNCALIBRATED: u8 = 20;
+
 /// Most volumes of one file.
 const MAX_VOLUMES: usize = 2048;
 
@@ -38,6 +42,7 @@ impl Notes {
         resolution: [Option<f64>; 2],
         size: [u64; 2],
     ) -> Result<Self, Fault> {
+        let description = description.trim_start_matches('\u{feff}');
         if description.starts_with("ImageJ=") {
             return Self::image_j(description, resolution);
         }
@@ -59,7 +64,7 @@ impl Notes {
             }
         }
         match description.split_once("<Pixels").and_then(|(_, rest)| rest.split_once('>')) {
-            Some((pixels, rest)) if description.contains("<OME") => Self::ome(pixels, rest),
+            Some((pixels, rest)) if description.contains("<OME") => Self::ome(pixels, rest, size),
             _ => Ok(Self { images: 1, ..Self::default() }),
         }
     }
@@ -95,7 +100,13 @@ impl Notes {
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
         let unknown_unit = unit.filter(|unit| unit_mm(unit).is_none()).map(str::to_owned);
         let mut calibration = None;
-        if value("cf") == Some("0") {
+        let function = value("cf").map(|v| number::<u8>("cf", v)).transpose()?.filter(|f| *f != UNCALIBRATED);
+        if let Some(function) = function {
+            if function != STRAIGHT_LINE {
+                return Err(bad!(
+                    "its description calibrates values by ImageJ's function {function} (cf), and a straight line alone is read; save it without calibration"
+                ));
+            }
             let [slope, intercept] = ["c1", "c0"].map(|key| number::<f64>(key, value(key).unwrap_or("")));
             let line = [slope?, intercept?];
             if line[0] == 0.0 || !line.iter().all(|number| number.is_finite()) {
@@ -145,13 +156,21 @@ impl Notes {
     }
 
     /// Attributes of the first `Pixels` element, and the text after it.
-    fn ome(pixels: &str, rest: &str) -> Result<Self, Fault> {
+    fn ome(pixels: &str, rest: &str, size: [u64; 2]) -> Result<Self, Fault> {
         let value = |key: &str| attribute(pixels, key);
         let count = |key: &str| value(key).map_or(Ok(1), |v| number::<u64>(key, v));
         let [z, c, t] = [count("SizeZ")?, count("SizeC")?, count("SizeT")?];
+        for (key, due) in ["SizeX", "SizeY"].into_iter().zip(size) {
+            if value(key).is_some() && count(key)? != due {
+                return Err(bad!(
+                    "its description states {} for {key}, and its pages have {due}; save it again",
+                    count(key)?
+                ));
+            }
+        }
         let more_images = rest.contains("<Pixels");
         let mut axes = Vec::new();
-        if c.saturating_mul(t) > 1 || more_images {
+        if c.saturating_mul(t) > 1 || more_images || value("SizeZ").is_some() {
             let order = value("DimensionOrder").unwrap_or("XYZCT");
             let faster = order.strip_prefix("XY").filter(|rest| is_order(rest));
             let faster = faster.ok_or_else(|| {
@@ -278,12 +297,11 @@ fn in_order(text: &str, axes: &[(char, u64)]) -> Result<bool, Fault> {
     for element in text.split("<TiffData").skip(1).filter_map(|rest| rest.split_once('>')).map(|(own, _)| own)
     {
         let at = |key: &str| attribute(element, key).map(|v| number::<u64>(key, v)).transpose();
-        let Some(page) = at("IFD")? else { continue };
-        let mut place = 0_u64;
+        let (page, mut place) = (at("IFD")?, 0_u64);
         for (name, side) in axes {
             place = place.saturating_mul(*side).saturating_add(at(&format!("First{name}"))?.unwrap_or(0));
         }
-        if place != page {
+        if page.is_some_and(|page| page != place) {
             return Ok(false);
         }
     }

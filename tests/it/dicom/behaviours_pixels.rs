@@ -475,9 +475,13 @@ fn frame_counts_that_are_no_numbers_or_too_many_are_named() {
         let spec = Spec { frames, ..Spec::default() };
         assert_eq!(obstacle(&native(Syntax::ExplicitLe, spec, &[0; 8])), wanted);
     }
-    let spec = Spec { frames: "2", ..Spec::default() };
-    let more = obstacle(&native(Syntax::ExplicitLe, spec, &[0; 24]));
-    assert_eq!(more, "2 frames are stated, and the pixels of more are there: 24 bytes of 16");
+    let more = |frames, bytes: &[u8]| {
+        obstacle(&native(Syntax::ExplicitLe, Spec { frames, ..Spec::default() }, bytes))
+    };
+    let stated = "and the pixels of more are there";
+    assert_eq!(more("2", &[0; 24]), format!("2 frames are stated, {stated}: 24 bytes of 16"));
+    // Of one frame as well.
+    assert_eq!(more("1", &[0; 16]), format!("1 frame is stated, {stated}: 16 bytes of 8"));
     let spec = Spec { frames: "4294967295", ..Spec::default() };
     let file = encapsulated(RLE, spec, &[], &[rle16(&[1, 2, 3, 4])]);
     let error = Image::of(&header_of(&file)).unwrap_err().to_string();

@@ -178,10 +178,11 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
     assert!(findings[3].id.ends_with("-phaseecho2"), "{}", findings[3].id);
     // Another size never joins.
     let mut wide = ct(1.0, 5);
-    wide.us(0x0028_0011, 1);
+    wide.us(0x0028_0010, 1);
+    wide.us(0x0028_0011, 4);
     let folder = Folder::of(&[ct(0.0, 1), ct(1.0, 2), ct(2.0, 3), wide]);
     let findings = folder.findings();
-    assert_eq!(parts(&findings), [("2x2", [2, 2, 3], true), ("1x2", [1, 2, 1], true)]);
+    assert_eq!(parts(&findings), [("2x2", [2, 2, 3], true), ("4x1", [4, 1, 1], true)]);
 }
 
 #[test]

@@ -134,16 +134,10 @@ impl<'a> Materials<'a> {
                 b"Kd" => {
                     let line = words.line();
                     let ([r, g, b], count) = words.rest("a colour", &[1, 3])?;
-                    // More than the rounding of text: parts of 255.
-                    if let Some(part) = [r, g, b].into_iter().find(|part| *part > 1.001) {
-                        return Err(bad_text_because(
-                            line,
-                            &format!("{part} is not a part of a colour, from 0 to 1"),
-                        )
-                        .into());
-                    }
+                    let color = light(if count == 1 { [r; 3] } else { [r, g, b] });
+                    let color = color.map_err(|fault| bad_text_because(line, &fault.text))?;
                     if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
-                        material.color = light(if count == 1 { [r; 3] } else { [r, g, b] });
+                        material.color = color;
                     }
                 }
                 word if word.eq_ignore_ascii_case(b"map_Kd") => {

@@ -214,7 +214,9 @@ impl LookReader<'_> {
         };
         if let Some(colors) = &mut self.colors {
             // Colours of vertices come before the plain colour of a material.
-            look.colors = three(colors, [v0, v1, v2])?.map(|of| of.map(light));
+            if let Some([a, b, c]) = three(colors, [v0, v1, v2])? {
+                look.colors = Some([light(a)?, light(b)?, light(c)?]);
+            }
             if look.places.is_none() {
                 look.material = NO_MATERIAL;
             }

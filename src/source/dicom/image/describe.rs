@@ -7,6 +7,7 @@ use std::fmt;
 use super::pixels::{CellFormat, PixelLayout};
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
+use crate::text::Count;
 use crate::volume::{Endian, Note, ScalarType};
 
 /// Reason why an image cannot be a slice of a volume.
@@ -252,10 +253,12 @@ impl Image {
             }
         };
         let more = got.saturating_sub(needed);
-        if self.frames > 1 && !is_deflated && self.storage == Storage::Plain && more >= self.frame_bytes() {
+        // One byte is padding, also of a frame of one.
+        if more >= self.frame_bytes().max(2) && !is_deflated && self.storage == Storage::Plain {
             return Err(Obstacle::new(format!(
-                "{} frames are stated, and the pixels of more are there: {got} bytes of {needed}",
-                self.frames
+                "{} {} stated, and the pixels of more are there: {got} bytes of {needed}",
+                Count(self.frames, "frame"),
+                if self.frames == 1 { "is" } else { "are" }
             )));
         }
         if got >= needed {

@@ -143,9 +143,11 @@ fn walk<R: ReadAt + ?Sized>(
     let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
     // Slices may state only their thickness, or nothing; frames of a film are not slices.
     let is_film = header.is_film() && numbers.slices.is_none();
+    let is_nuclear = header.offsets.detectors.is_some() || numbers.slices.is_some();
     let steps = [
-        (base.spacing_between, Origin::Stepped),
-        (base.slice_thickness.filter(|_| !is_film), Origin::StackedByThickness),
+        // In nuclear medicine alone a distance may run against the normal.
+        (base.spacing_between.filter(|mm| *mm > 0.0 || is_nuclear), Origin::Stepped),
+        (base.slice_thickness.filter(|mm| *mm > 0.0 && !is_film), Origin::StackedByThickness),
         (Some(1.0).filter(|_| !is_film && numbers.slices.is_none()), Origin::StackedBlindly),
     ];
     let step = steps.into_iter().find_map(|(mm, origin)| mm.filter(|mm| *mm != 0.0).map(|mm| (mm, origin)));
