@@ -402,7 +402,7 @@ mod tests {
         header.pixels = Some(PixelData {
             element: PixelElement::Integer,
             offset: 0,
-            declared: Some(u64::from(allocated) / 2),
+            declared: Some(u32::from(allocated) / 2),
             available: u64::from(allocated) / 2,
             words: true,
         });
