@@ -13,7 +13,7 @@ use crate::geom::{add_scaled, cross, dot};
 /// How often pairs are exchanged, or corners moved.
 const ROUNDS: u32 = 64;
 
-/// The volume of a cavity that closed, by that of its body, below which it is left out.
+/// Part of its body's volume below which a cavity that closed is left out.
 const SMALL: f64 = 1e-3;
 
 /// The partner of an edge that has none.

@@ -262,7 +262,7 @@ type Points<'p, T> = dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync + 'p;
 struct Fewer {
     surface: Surface,
     distance_mm: f64,
-    /// Points near which the distance is greatest, or not much smaller, then those of pieces that were left out.
+    /// Points where the distance is greatest, then where it is not much smaller, then corners of pieces left out.
     worst: Vec<[f32; 3]>,
     pieces_gone: u64,
 }

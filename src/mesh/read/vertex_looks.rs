@@ -48,7 +48,7 @@ const PARTS: RangeInclusive<f64> = -0.001..=1.001;
 /// Linear light of a stored colour (0 to 1).
 ///
 /// # Errors
-/// A part outside 0 to 1, such as of 255, or that is no number.
+/// A part outside 0 to 1, such as one out of 255, or NaN.
 pub(super) fn light(stored: [f64; 3]) -> Result<[f32; 3], Fault> {
     match stored.into_iter().find(|part| !PARTS.contains(part)) {
         Some(part) => Err(bad!("{part} is not a part of a colour, from 0 to 1; correct its colours")),
