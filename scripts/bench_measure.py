@@ -1,14 +1,20 @@
 #!/usr/bin/env python3
 """Measuring against its targets (docs/MEASURING.md), as ratios: above 1 is better than the target. Asserts nothing.
 
-    scripts/bench_measure.py                    target/release/oct at 256^3
+    scripts/bench_measure.py                     a noisy gyroid of 256^3, target/release/oct
     OCT=path/to/oct scripts/bench_measure.py 512
+    scripts/bench_measure.py --volume 256 FILE   u16 samples, 256^3 of them, inside from 500, in place of the gyroid
+    scripts/bench_measure.py --rows fit,pores    some rows: sides, mesh, speed, bytes, fit, thickness, pores, intervals, bodies
 
-Needs numpy. Open3D and trimesh are run beside it on the model's own mesh where they are installed, one thread each. Times are
-CPU seconds, medians of rounds in turns.
+Needs numpy. Open3D and trimesh are run beside it on the model's own mesh where they are installed, one thread each; the bunny
+needs Open3D and INFOBYTE_DATA. Times are CPU seconds, medians of rounds in turns; 256 takes some five minutes. Bodies are
+sampled as a scanner would: blurred by half a voxel and averaged over each voxel.
 """
 
+import argparse
+import itertools
 import json
+import math
 import os
 import resource
 import statistics
@@ -22,6 +28,9 @@ import numpy as np
 
 OCT = os.environ.get("OCT", "target/release/oct")
 ROUNDS = 3
+
+# Where bodies lie from the middle of their volume: in general position.
+OFF = np.array([0.13, -0.29, 0.41])
 
 
 def oct_(*words):
@@ -41,107 +50,214 @@ def turns(*ways):
 
 
 def row(name, found, target, is_more_better=True):
-    ratio = found / target if is_more_better else target / found if found else float("inf")
-    print(f"{name:<58} {found:>10.4g} {target:>8.4g} {ratio:>8.2f}")
+    """Prints a figure, its target and their ratio; a target of 0 is met or not."""
+    ratio = found / target if is_more_better else target / found if found and target else float("inf") if target else float(not found)
+    print(f"{name:<76} {found:>10.4g} {target:>8.4g} {ratio:>8.2f}", flush=True)
 
 
-def skipped(name, package):
-    print(f"{name:<58} skipped: no {package}")
+def skipped(name, what):
+    print(f"{name:<76} skipped: no {what}", flush=True)
 
 
-def body_errors(folder):
+def length(p):
+    return np.sqrt(np.einsum("...i,...i", p, p))
+
+
+# Bodies: distances of places from the middle, below 0 inside.
+
+
+def ball(radius):
+    return lambda p: length(p) - radius
+
+
+def torus(ring, tube):
+    return lambda p: np.hypot(np.hypot(p[..., 0], p[..., 1]) - ring, p[..., 2]) - tube
+
+
+def box(*half):
+    def distance(p):
+        over = np.abs(p) - half
+        return length(np.maximum(over, 0)) + np.minimum(over.max(-1), 0)
+
+    return distance
+
+
+def samples(n, slices=1.0):
+    """Places of the samples of a cube about the middle of a body, as z, y, x, coordinate."""
+    z, y, x = np.meshgrid(np.arange(round(n / slices)) * slices, np.arange(n), np.arange(n), indexing="ij")
+    return np.stack((x, y, z), -1) - (n / 2 + OFF)
+
+
+def model_of(folder, name, values, *options, spacing="1x1x1"):
+    """A model of samples given as z, y, x, above 0 inside."""
+    raw, model = folder / "m.raw", folder / f"{name}.oct"
+    values.astype("<f4").tofile(raw)
+    dims = "x".join(map(str, values.shape[::-1]))
+    oct_("build", raw, "-o", model, "--dims", dims, "--dtype", "f32", "--iso", 0, "--spacing", spacing, *options)
+    return model
+
+
+def table_of(path):
+    """Rows of a table of cells: x, y, z, value, u95, area; NaN where nothing stands."""
+    text = path.read_text().split("\n", 1)[1]
+    for _ in range(2):
+        text = text.replace(",,", ",nan,")
+    return np.fromstring(text.replace("\n", ","), sep=",").reshape(-1, 6)
+
+
+def compared(folder, *words):
+    """The report of a comparison, and its rows that have a deviation and an area."""
+    report, _ = oct_("compare", *words, "--csv", folder / "m.csv")
+    rows = table_of(folder / "m.csv")
+    return report, rows[np.isfinite(rows[:, 3]) & (rows[:, 5] > 0)]
+
+
+def rms(errors, areas):
+    return math.sqrt(np.average(errors**2, weights=areas))
+
+
+def bodies(folder, _source):
     """RMS of deviations of three bodies grown by 2.3 voxels, over samples of their distances."""
     n = 128
-    grid = np.stack(np.meshgrid(*[np.arange(n, dtype=float)] * 3, indexing="ij"), -1)
-    c = np.array([n * 0.5 + 0.13, n * 0.5 - 0.29, n * 0.5 + 0.41])
-
-    def ball(p):
-        return np.linalg.norm(p - c, axis=-1) - 0.38 * n
-
-    def torus(p):
-        q = p - c
-        return np.hypot(np.hypot(q[..., 0], q[..., 1]) - 0.27 * n, q[..., 2]) - 0.12 * n
-
-    def box(p):
-        over = np.abs(p - c) - np.array([0.3, 0.23, 0.18]) * n
-        return np.linalg.norm(np.maximum(over, 0), axis=-1) + np.minimum(over.max(-1), 0)
-
-    for body, target in ((ball, 0.010), (torus, 0.012), (box, 0.006)):
-        models = []
-        for by in (0.0, 2.3):
-            raw, model = folder / "m.raw", folder / f"{by}.oct"
-            np.ascontiguousarray((by - body(grid)).transpose(2, 1, 0)).astype("<f4").tofile(raw)
-            oct_("build", raw, "-o", model, "--dims", f"{n}x{n}x{n}", "--dtype", "f32", "--iso", 0)
-            models.append(model)
-        table = folder / "m.csv"
-        oct_("compare", *models, "--radius", 6, "--csv", table)
-        rows = np.genfromtxt(table, delimiter=",", skip_header=1)
-        rows = rows[np.isfinite(rows[:, 3]) & (rows[:, 5] > 0)]
-        error = rows[:, 3] - (body(rows[:, :3]) - 2.3)
-        row(f"{body.__name__} to grown {body.__name__}: RMS, voxels", np.sqrt(np.average(error**2, weights=rows[:, 5])), target, False)
-    report, _ = oct_("compare", models[0], models[0])
-    print(f"{'same model twice: greatest deviation':<58} {report['hausdorff']['to_nominal']:>10.4g} {0:>8}")
+    at = samples(n)
+    for name, body, target in (
+        ("ball", ball(0.38 * n), 0.010),
+        ("torus", torus(0.27 * n, 0.12 * n), 0.012),
+        ("box", box(0.3 * n, 0.23 * n, 0.18 * n), 0.006),
+    ):
+        depth = -body(at)
+        plain, grown = (model_of(folder, by, depth + by) for by in (0, 2.3))
+        _, rows = compared(folder, plain, grown, "--radius", 6)
+        errors = rows[:, 3] - (body(rows[:, :3] - n / 2 - OFF) - 2.3)
+        row(f"{name} to grown {name}: RMS, voxels", rms(errors, rows[:, 5]), target, False)
+        _, rows = compared(folder, plain, plain)
+        row(f"{name} to itself: cells that are not at 0", np.count_nonzero(rows[:, 3]), 0, False)
+    _, rows = compared(folder, grown, plain, "--radius", 6)
+    row("grown box to box: cells on the wrong side", np.count_nonzero(rows[:, 3] <= 0), 0, False)
 
 
-def open3d_seconds(mesh, points):
-    """CPU seconds of Open3D's signed distances, with its tree."""
+def sides(folder, source):
+    """Sides of random points, which are the cells of a volume of noise, and of a noisy volume's own."""
+    n, count, points, wrong = 64, 72, 0, 0
+    at, spacing = samples(n), "x".join([str(n / count)] * 3)
+    for seed, body in enumerate((ball(0.38 * n), torus(0.27 * n, 0.12 * n), box(0.3 * n, 0.23 * n, 0.18 * n))):
+        random = np.random.default_rng(seed).random((count,) * 3) - 0.5
+        noise, model = model_of(folder, "noise", random, spacing=spacing), model_of(folder, "body", -body(at))
+        _, rows = compared(folder, noise, model, "--radius", 2 * n, "--angle", 180)
+        truth = body(rows[:, :3] - n / 2 - OFF)
+        rows, truth = rows[np.abs(truth) > 0.6], truth[np.abs(truth) > 0.6]
+        points, wrong = points + len(truth), wrong + np.count_nonzero((rows[:, 3] > 0) != (truth > 0))
+    row(f"{points / 1e6:.2f} million random points about them, beyond .6 voxel: wrong sides", wrong, 0, False)
+    name = f"{source.name} moved by .3, beyond .2 voxel: % on the wrong side"
+    if not source.file or source.n > 512:
+        return skipped(name, "--volume of at most 512")
+    model = source.model(folder)
+    _, rows = compared(folder, model, model, "--move", "0.3,0,0", "--angle", 180)
+    rows = rows[np.abs(rows[:, 3]) > 0.2]
+    low = np.clip(rows[:, :3].astype(int), 0, source.n - 2)
+    part, value = rows[:, :3] - low, 0.0
+    volume = np.memmap(source.file, "<u2", "r", shape=(source.n,) * 3)
+    for corner in itertools.product((0, 1), repeat=3):
+        weight = np.prod(np.where(corner, part, 1 - part), axis=1)
+        value += weight * volume[tuple((low + corner).T[::-1])]
+    row(name, 100 * np.mean((rows[:, 3] > 0) != (value < source.iso)), 0.1, False)
+
+
+class Source:
+    """The large volume: a file, or a noisy gyroid."""
+
+    def __init__(self, n, file):
+        self.n, self.file, self.iso = n, file, 500
+        self.name = f"{'volume' if file else 'gyroid'} {n}^3"
+        shape = ["--dims", "x".join([str(n)] * 3), "--dtype", "u16", "--iso", self.iso]
+        self.words = [file, *shape] if file else [f"synthetic:gyroid@{n}?noise=0.02"]
+
+    def model(self, folder):
+        """Its model, built once."""
+        path = folder / "source.oct"
+        if not path.exists():
+            oct_("build", *self.words, "-o", path)
+        return path
+
+
+def open3d_scene(mesh):
+    """Open3D's scene of a mesh, and the CPU seconds of its tree."""
     import open3d
 
     shape = open3d.t.geometry.TriangleMesh.from_legacy(open3d.io.read_triangle_mesh(str(mesh)))
     start = time.process_time()
     scene = open3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(shape)
-    built = time.process_time()
-    scene.compute_signed_distance(open3d.core.Tensor(points.astype(np.float32)), nthreads=1)
-    return time.process_time() - built, built - start
+    return scene, time.process_time() - start
 
 
-def speed(folder, n):
+def scene_seconds(scene, points):
+    """Signed distances of points, above 0 outside, and the CPU seconds that they take."""
+    import open3d
+
+    points = open3d.core.Tensor(points.astype(np.float32))
+    start = time.process_time()
+    found = scene.compute_signed_distance(points, nthreads=1)
+    return found.numpy(), time.process_time() - start
+
+
+def speed(folder, source):
     """Cells a CPU second, memory, and the peers on the same points."""
-    model, noisy = folder / "a.oct", folder / "b.oct"
-    source = f"synthetic:gyroid@{n}?noise=0.02"
-    plain, sure = turns(
-        lambda: oct_("build", source, "-o", model, "--threads", 1),
-        lambda: oct_("build", source, "-o", noisy, "--threads", 1, "--uncertainty"),
-    )
-    row("build with --uncertainty, times without", sure[1] / plain[1], 1.10, False)
-    table = folder / "a.csv"
+    model, sure = source.model(folder), folder / "sure.oct"
+    ways = (["-o", folder / "plain.oct"], ["-o", sure, "--uncertainty"])
+    plain, uncertain = turns(*(lambda way=way: oct_("build", *source.words, "--threads", 1, *way) for way in ways))
+    row(f"{source.name}: build with --uncertainty, times without", uncertain[1] / plain[1], 1.10, False)
     moved = lambda by: oct_("compare", model, model, "--move", f"{by},0,0", "--threads", 1, "--radius", 10)
-    (near, seconds), (far, _) = turns(lambda: moved(0.3), lambda: moved(3))
-    row(f"gyroid {n}^3 moved by .3: million cells a CPU second", near["cells"] / seconds / 1e6, 2)
-    for by, report in ((0.3, near), (3, far)):
-        row(f"gyroid {n}^3 moved by {by}: peak MiB", report["peak_rss_bytes"] / 2**20, 8, False)
-    oct_("compare", model, model, "--move", "0.3,0,0", "--csv", table, "--threads", 1)
-    points = np.genfromtxt(table, delimiter=",", skip_header=1, usecols=(0, 1, 2))
-    mesh = folder / "a.ply"
-    oct_("export", model, "-o", mesh)
-    name = f"gyroid {n}^3 moved by .3: times as fast as Open3D"
+    name = f"{source.name} moved by .3: times as fast as Open3D's signed distance"
+    ways = [lambda: moved(0.3), lambda: moved(3)]
     try:
-        asked, built = open3d_seconds(mesh, points)
-        row(name + ", signed distance", asked / seconds, 3 if n <= 256 else 8)
-        row(name + ", with its tree", (asked + built) / seconds, 3 if n <= 256 else 8)
-    except ImportError:
-        skipped(name, "open3d")
+        if source.n > 512:
+            raise ImportError(name="mesh of more than 512^3")
+        mesh, (_, points) = folder / "m.ply", compared(folder, model, model, "--move", "0.3,0,0")
+        oct_("export", model, "-o", mesh)
+        scene, built = open3d_scene(mesh)
+        ways.append(lambda: scene_seconds(scene, points[:, :3]))
+    except ImportError as error:
+        skipped(name, error.name)
+    (near, seconds), (far, _), *peer = turns(*ways)
+    row(f"{source.name} moved by .3: million cells a CPU second", near["cells"] / seconds / 1e6, 2)
+    for by, report in ((0.3, near), (3, far)):
+        row(f"{source.name} moved by {by}: peak MiB", report["peak_rss_bytes"] / 2**20, 8, False)
+    for _, asked in peer:
+        row(name, asked / seconds, 3 if source.n <= 256 else 8)
+        row(name + ", with its tree", (asked + built) / seconds, 3 if source.n <= 256 else 8)
+    reports = {}
     for by, target in (("ray", 3), ("ball", 1)):
-        report, taken = oct_("thickness", model, "--by", by, "--threads", 1, *(["--max", 8] if by == "ball" else []))
-        row(f"thickness by {by}: million cells a CPU second", report["cells"] / taken / 1e6, target)
+        words = ["thickness", model, "--by", by, "--threads", 1, *(["--max", 8] if by == "ball" else [])]
+        [(report, taken)] = turns(lambda: oct_(*words))
+        reports[by] = report["cells"] / taken
+        row(f"{source.name}, thickness by {by}: million cells a CPU second", reports[by] / 1e6, target)
     try:
         import trimesh
 
         shape = trimesh.load_mesh(mesh)
         start = time.process_time()
-        trimesh.proximity.thickness(shape, points[:3000], method="ray")
-        row("thickness by ray: times as fast as trimesh", (time.process_time() - start) / 3000 * near["cells"] / seconds, 1)
-    except ImportError:
-        skipped("thickness by ray: times as fast as trimesh", "trimesh")
+        trimesh.proximity.thickness(shape, points[:3000, :3], method="ray")
+        row("thickness by ray: times as fast as trimesh", (time.process_time() - start) / 3000 * reports["ray"], 1)
+    except ImportError as error:
+        skipped("thickness by ray: times as fast as trimesh", error.name)
+
+
+ROWS = {"bodies": bodies, "sides": sides, "speed": speed}
 
 
 def main():
-    n = int(sys.argv[1]) if len(sys.argv) > 1 else 256
-    print(f"{'':<58} {'found':>10} {'target':>8} {'ratio':>8}")
+    args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    args.add_argument("n", nargs="?", type=int, default=256)
+    args.add_argument("--volume", nargs=2, metavar=("N", "FILE"))
+    args.add_argument("--rows", default=",".join(ROWS))
+    args = args.parse_args()
+    n, file = args.volume or (args.n, None)
+    source = Source(int(n), file)
+    print(f"{'':<76} {'found':>10} {'target':>8} {'ratio':>8}")
     with tempfile.TemporaryDirectory() as folder:
-        body_errors(Path(folder))
-        speed(Path(folder), n)
+        for name in args.rows.split(","):
+            ROWS[name](Path(folder), source)
 
 
 main()
