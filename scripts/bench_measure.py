@@ -29,6 +29,9 @@ import numpy as np
 OCT = os.environ.get("OCT", "target/release/oct")
 ROUNDS = 3
 
+# What differs from run to run in a report.
+MEASURED = ("peak_rss_bytes", "threads", "memory_budget_bytes", "memory_plan_bytes", "tile_columns", "stages_s")
+
 # Where bodies lie from the middle of their volume: in general position.
 OFF = np.array([0.13, -0.29, 0.41])
 
@@ -163,6 +166,109 @@ def sides(folder, source):
     row(name, 100 * np.mean((rows[:, 3] > 0) != (value < source.iso)), 0.1, False)
 
 
+def bunny(folder):
+    """The bunny's mesh and its model of 256 voxels, or none."""
+    mesh = Path(os.environ.get("INFOBYTE_DATA", ""), "mesh", "bunny-closed.off")
+    if not mesh.is_file():
+        return None
+    model = folder / "bunny.oct"
+    report, _ = oct_("build", mesh, "-o", model, "--grid", 256, "--surface", "cells")
+    return mesh, model, report["spacing_mm"][0], report["dims"]
+
+
+def mesh(folder, _source):
+    """Deviations of the bunny's model from its mesh, beside the distances of its triangles."""
+    name = "bunny to its mesh, moved by .3: {} of the error, voxels"
+    if not (found := bunny(folder)):
+        return skipped(name.format("RMS"), "folder INFOBYTE_DATA with mesh/bunny-closed.off")
+    triangles, model, voxel, _ = found
+    try:
+        scene, _ = open3d_scene(triangles)
+    except ImportError as error:
+        return skipped(name.format("RMS"), error.name)
+    report, rows = compared(folder, model, triangles, "--move", f"{0.3 * voxel},0,0")
+    row("bunny to its mesh: voxels of the mesh's grid in one of the model's", voxel / report["nominal_grid_mm"], 2)
+    errors = np.abs(rows[:, 3] - scene_seconds(scene, rows[:, :3])[0]) / voxel
+    row(name.format("RMS"), rms(errors, rows[:, 5]), 0.008, False)
+    order = np.argsort(errors)
+    part = np.cumsum(rows[order, 5]) / rows[:, 5].sum()
+    row(name.format("p99"), errors[order][np.searchsorted(part, 0.99)], 0.035, False)
+
+
+def bytes_(folder, _source):
+    """Outputs at several numbers of threads and budgets of memory: how many differ from the first."""
+    model, out, table = folder / "m.oct", folder / "out.oct", folder / "out.csv"
+    volume = "synthetic:gyroid@96?noise=0.02"
+    oct_("build", volume, "-o", model, "--uncertainty")
+
+    def different(*words, budgets=(), outputs=(out, table)):
+        made = []
+        for threads, budget in itertools.product((1, 2, 5), budgets or [None]):
+            how = ["--threads", threads, *(["--memory", budget] if budget else [])]
+            report, _ = oct_(*words, *how, "-o", out, *(["--csv", table] if table in outputs else []))
+            left = {key: value for key, value in report.items() if not key.endswith("_s") and key not in MEASURED}
+            made.append((left, [path.read_bytes() for path in outputs]))
+        return sum(one != made[0] for one in made), len(made)
+
+    budgets = ("8MiB", "16MiB", "64MiB", "1GiB")
+    for name, words, how in (
+        ("build with --uncertainty", ["build", volume, "--uncertainty"], {"budgets": budgets, "outputs": (out,)}),
+        ("comparison of volumes", ["compare", volume, volume + ",seed=2", "--move", "0.3,0,0"], {"budgets": budgets}),
+        ("comparison of models, fitted", ["compare", model, model, "--move", "0.3,0,0", "--fit"], {}),
+        ("thickness by ray", ["thickness", model], {}),
+        ("thickness by ball", ["thickness", model, "--by", "ball", "--max", 8], {}),
+    ):
+        count, of = different(*words, **how)
+        row(f"{name}: {of} budgets and threads that give other bytes", count, 0, False)
+
+
+def turn_about(middle, degrees):
+    """A turn about an axis in general position through a place, as three rows of four."""
+    axis = np.array([1, 2, 3]) / math.sqrt(14)
+    cross = np.cross(np.eye(3), axis)
+    angle = math.radians(degrees)
+    turn = np.eye(3) - math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return np.column_stack((turn, middle - turn @ middle))
+
+
+def left_over(folder, actual, nominal, place):
+    """What a fit of one part to itself leaves: RMS in mm from where each cell would lie, and the directions that are free."""
+    words = ["--fit", "--place", ",".join(map(repr, place.ravel().tolist()))]
+    report, rows = compared(folder, actual, nominal, *words)
+    matrix = np.array(report["placement"]["matrix"])
+    fitted = rows[:, :3]
+    true = (fitted - matrix[:, 3]) @ matrix[:, :3]
+    return rms(length(fitted - true), rows[:, 5]), report["placement"]["free"]
+
+
+def fit(folder, _source):
+    """What fits leave of a turn; a ball's rotation is free."""
+    if found := bunny(folder):
+        _, model, voxel, dims = found
+        report, rows = compared(folder, model, model)
+        middle = rows[:, :3].mean(0)
+        for degrees in (5, 15, 30):
+            left, _ = left_over(folder, model, model, turn_about(middle, degrees))
+            row(f"bunny turned by {degrees} degrees: voxels left, RMS", left / voxel, 0.001, False)
+        # Two scans of it: its mask, blurred by some half a voxel, with noise.
+        oct_("export", model, "-o", folder / "bunny.nii")
+        mask = np.fromfile(folder / "bunny.nii", np.uint8, offset=352).reshape(dims[::-1]).astype(np.float32)
+        for axis in range(3):
+            mask += (np.roll(mask, 1, axis) + np.roll(mask, -1, axis) - 2 * mask) / 6
+        scans = []
+        for seed in (1, 2):
+            noise = np.random.default_rng(seed).standard_normal(mask.shape, np.float32)
+            scans.append(model_of(folder, f"scan{seed}", mask - 0.5 + 0.025 * noise))
+        for degrees in (5, 15, 30):
+            left, _ = left_over(folder, *scans, turn_about(np.array(dims) / 2, degrees))
+            row(f"two scans of it with 2.5 % noise, {degrees} degrees: voxels left, RMS", left, 0.005, False)
+    else:
+        skipped("bunny turned", "folder INFOBYTE_DATA with mesh/bunny-closed.off")
+    model = model_of(folder, "m", -ball(24)(samples(64)))
+    _, free = left_over(folder, model, model, turn_about(32 + OFF, 10))
+    row("ball turned by 10 degrees: rotations named free", sum("rotation" in name for name in free), 3)
+
+
 class Source:
     """The large volume: a file, or a noisy gyroid."""
 
@@ -243,7 +349,7 @@ def speed(folder, source):
         skipped("thickness by ray: times as fast as trimesh", error.name)
 
 
-ROWS = {"bodies": bodies, "sides": sides, "speed": speed}
+ROWS = {"bodies": bodies, "sides": sides, "mesh": mesh, "speed": speed, "bytes": bytes_, "fit": fit}
 
 
 def main():
