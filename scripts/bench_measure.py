@@ -4,7 +4,7 @@
     scripts/bench_measure.py                     with a noisy gyroid of 256^3, target/release/oct
     OCT=path/to/oct scripts/bench_measure.py 512
     scripts/bench_measure.py --volume 256 FILE   u16 samples, 256^3 of them, inside from 500, in place of the gyroid
-    scripts/bench_measure.py --rows pores  of bodies, sides, bunny, speed, same_bytes, thickness, pores, intervals
+    scripts/bench_measure.py --rows pores        of bodies, sides, bunny, speed, same_bytes, thickness, pores, intervals
 
 Needs numpy; `bunny` needs INFOBYTE_DATA. Open3D and trimesh are run beside it on the model's own mesh where they are
 installed, one thread each. Times are CPU seconds, medians of rounds in turns. 256 takes some six minutes.
@@ -56,8 +56,8 @@ def turns(*ways):
 
 def row(name, found, target, is_more_better=True):
     """Prints a figure beside its target; a target of 0 is met (1) or not (0)."""
-    less = target / found if found and target else float(found <= target) * (999 if target else 1)
-    ratio = found / target if is_more_better else less
+    over, under = (found, target) if is_more_better else (target, found)
+    ratio = over / under if under else 999 if over else 1
     print(f"{name:<88} {found:>10.4g} {target:>8.4g} {min(ratio, 999):>8.2f}", flush=True)
 
 
@@ -78,15 +78,11 @@ plate = lambda thick: wall(lambda p: p[..., 2], thick)
 turned = lambda body: lambda p: body(p @ turn_about(np.zeros(3), 40)[:, :3])
 
 
-def gyroid_sheet(period, level):
+def gyroid_sheet(p, period=64, level=0.6):
     """Both sides of a gyroid, to first order: exact at the surface."""
-
-    def distance(p):
-        (sx, sy, sz), (cx, cy, cz) = (np.moveaxis(way(p * (2 * np.pi / period)), -1, 0) for way in (np.sin, np.cos))
-        slope = np.sqrt((cx * cy - sz * sx) ** 2 + (cy * cz - sx * sy) ** 2 + (cz * cx - sy * sz) ** 2)
-        return (np.abs(sx * cy + sy * cz + sz * cx) - level) / np.maximum(slope, 0.3) * period / (2 * np.pi)
-
-    return distance
+    (sx, sy, sz), (cx, cy, cz) = (np.moveaxis(way(p * (2 * np.pi / period)), -1, 0) for way in (np.sin, np.cos))
+    slope = np.sqrt((cx * cy - sz * sx) ** 2 + (cy * cz - sx * sy) ** 2 + (cz * cx - sy * sz) ** 2)
+    return (np.abs(sx * cy + sy * cz + sz * cx) - level) / np.maximum(slope, 0.3) * period / (2 * np.pi)
 
 
 def three_bodies(n):
@@ -112,7 +108,8 @@ def samples(n, slices=1):
 
 def taps(slices):
     """Places and weights along an axis of a blur, and of the mean over a slice that is thicker than a voxel."""
-    count, step = (round(slices / 0.6), slices / round(slices / 0.6)) if slices > 1 else (1, 0.6)
+    count = round(slices / 0.6) if slices > 1 else 1
+    step = slices / count if slices > 1 else 0.6
     normal = np.exp(-((step * np.arange(-2, 3)) ** 2) / 2 / (BLUR**2 - EDGE**2))
     weights = np.convolve(normal / normal.sum(), np.full(count, 1 / count))
     return list(zip(step * (np.arange(len(weights)) - (len(weights) - 1) / 2), weights))
@@ -127,9 +124,12 @@ def scanned(body, at, slices=1):
     bend = sum(body(places + step) for step in 0.25 * np.concatenate((np.eye(3), -np.eye(3))))
     shift = 8 * EDGE * (bend - 6 * distance[near])
     shift[np.abs(shift) > 0.35 * EDGE] = 0  # at a ridge of the distances
+    total = 0
     for (x, wx), (y, wy), (z, wz) in itertools.product(taps(1), taps(1), taps(slices)):
         if (weight := wx * wy * wz) > 1e-4:
+            total += weight
             value[near] += weight * np.interp(-body(places + (x, y, z)) / EDGE - shift, STEPS, INTEGRAL)
+    value[near] /= total
     return value
 
 
@@ -383,7 +383,7 @@ def intervals(folder, _source):
     """Least parts of 95 % intervals that hold the truth: of bodies that they were fitted to, and of two others."""
     n, usual, others = 128, (0.2, 1, 2.5, 5, 10), (0.5, 3, 8)  # noises in % of the step
     fitted = {"ball of 50": ball(50), "torus of 36 and 15": torus(36, 15), "turned box": turned(box(40, 30, 24))}
-    fitted |= {"gyroid sheet": gyroid_sheet(64, 0.6), "turned plate of 4": turned(plate(4))}
+    fitted |= {"gyroid sheet": gyroid_sheet, "turned plate of 4": turned(plate(4))}
     held_out = {"turned cylinder of 30": turned(cylinder(30)), "ball of 33.7": ball(33.7)}
     cases = [(one, usual, thick, 0) for one in fitted.items() for thick in (1, 3)]
     cases += [(one, (2.5,), 1, 0.392) for one in fitted.items()]
@@ -415,16 +415,16 @@ def main():
     parser.add_argument("--rows", default=",".join(ROWS))
     args = parser.parse_args()
     n, file = (int(args.volume[0]), args.volume[1]) if args.volume else (args.n, None)
-    shape = ["--dims", "x".join([str(n)] * 3), "--dtype", "u16", "--iso", 500]
-    words = [file, *shape] if file else [f"synthetic:gyroid@{n}?noise=0.02"]
+    raw = [file, "--dims", f"{n}x{n}x{n}", "--dtype", "u16", "--iso", 500]
+    words = raw if file else [f"synthetic:gyroid@{n}?noise=0.02"]
     print(f"{'':<88} {'found':>10} {'target':>8} {'ratio':>8}")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as path:
+        folder = Path(path)
         oct_("build", *words, "-o", folder / "source.oct")
-        kind = f"{'volume' if file else 'gyroid'} {n}^3"
-        source = SimpleNamespace(n=n, file=file, words=words, name=kind, model=folder / "source.oct")
-        for each in args.rows.split(","):
-            ROWS[each](folder, source)
+        name = f"{'volume' if file else 'gyroid'} {n}^3"
+        source = SimpleNamespace(n=n, file=file, words=words, name=name, model=folder / "source.oct")
+        for way in args.rows.split(","):
+            ROWS[way](folder, source)
 
 
 main()
