@@ -645,6 +645,7 @@ fn what_other_programs_leave_out_or_add_is_read() {
     let mut unmarked = marked.clone();
     unmarked[208..216].fill(0);
     read("old.mrc", &unmarked, &whole, "no mark (MAP)");
+    read("old.map.gz", &gzip(&unmarked), &whole, "no mark (MAP)");
     read("a.map.gz", &gzip(&marked), &whole, "");
     let text = String::from_utf8_lossy(&vtk(&object)).into_owned();
     assert!(text.contains("POINT_DATA"));

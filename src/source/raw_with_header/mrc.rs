@@ -24,9 +24,10 @@ pub(in crate::source) fn recognise(head: &[u8], path: &Path) -> bool {
     let mut plain = [0; HEADER];
     if is_packed(head) {
         let got = unpacked(flate2::bufread::GzDecoder::new(head), &mut plain);
-        return plain.get(..got).is_some_and(is_marked);
+        return plain.get(..got).is_some_and(is_marked)
+            || (got == HEADER && stated_bytes(&plain).is_some_and(|stated| is_unpacked_to(stated, path)));
     }
-    is_marked(head) || head.first_chunk().is_some_and(|head| is_as_long_as_stated(head, path))
+    is_marked(head) || head.first_chunk().and_then(stated_bytes).is_some_and(|stated| is_long(stated, path))
 }
 
 fn is_packed(head: &[u8]) -> bool {
@@ -38,15 +39,27 @@ fn is_marked(head: &[u8]) -> bool {
     head.get(208..211).is_some_and(|mark| mark == b"MAP")
 }
 
-/// True for an older file: its sizes and its mode make exactly the bytes that it has.
-fn is_as_long_as_stated(head: &[u8; HEADER], path: &Path) -> bool {
-    let stated = || {
-        let headed = header(head, Encoding::Raw).ok()?;
-        let [x, y, z] = headed.size;
-        let voxels = x.checked_mul(y)?.checked_mul(z)?.checked_mul(headed.volumes)?;
-        voxels.checked_mul(headed.samples.bytes() as u64)?.checked_add(headed.at).filter(|_| voxels > 0)
+/// Bytes of a file by its sizes and its mode: an older file has exactly as many.
+fn stated_bytes(head: &[u8; HEADER]) -> Option<u64> {
+    let headed = header(head, Encoding::Raw).ok()?;
+    let [x, y, z] = headed.size;
+    let voxels = x.checked_mul(y)?.checked_mul(z)?.checked_mul(headed.volumes)?;
+    voxels.checked_mul(headed.samples.bytes() as u64)?.checked_add(headed.at).filter(|_| voxels > 0)
+}
+
+fn is_long(bytes: u64, path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|meta| meta.len() == bytes)
+}
+
+/// True for a gzipped file of as many bytes: its last four are their number modulo 2^32.
+fn is_unpacked_to(bytes: u64, path: &Path) -> bool {
+    let unpacked = || {
+        let file = PositionalFile::open(path).ok()?;
+        let mut length = [0; 4];
+        file.read_exact_at(&mut length, file.metadata().ok()?.len().checked_sub(4)?).ok()?;
+        Some(u64::from(u32::from_le_bytes(length)))
     };
-    stated().is_some_and(|bytes| std::fs::metadata(path).is_ok_and(|meta| meta.len() == bytes))
+    unpacked() == Some(bytes & u64::from(u32::MAX))
 }
 
 pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
