@@ -124,7 +124,7 @@ fn what_cannot_be_read_is_refused_by_name() {
         assert!(said.contains(words) && !said.contains('\n'), "{words:?} is missing: {said}");
     };
     type Change = (&'static str, fn(&mut Value));
-    let changes: [Change; 19] = [
+    let changes: [Change; 21] = [
         ("Draco", |d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])),
         ("meshopt", |d| d["extensionsRequired"] = json!(["EXT_meshopt_compression"])),
         ("meshopt", |d| d["bufferViews"][0]["extensions"] = json!({"EXT_meshopt_compression": {}})),
@@ -132,6 +132,8 @@ fn what_cannot_be_read_is_refused_by_name() {
         ("sparse", |d| d["accessors"][0]["sparse"] = json!({"count": 1})),
         ("without bytes", |d| drop(d["accessors"][0].as_object_mut().unwrap().remove("bufferView"))),
         ("version 1.0", |d| d["asset"]["version"] = json!("1.0")),
+        ("a reader of glTF 2.1", |d| d["asset"]["minVersion"] = json!("2.1")),
+        ("a reader of glTF new", |d| d["asset"]["minVersion"] = json!("new")),
         ("states 4000000000 elements", |d| d["accessors"][0]["count"] = json!(4_000_000_000_u32)),
         ("states 4000000000 bytes", |d| d["buffers"][0]["byteLength"] = json!(4_000_000_000_u32)),
         ("a view of a buffer", |d| d["bufferViews"][0]["byteOffset"] = json!(u64::MAX)),

@@ -10,8 +10,10 @@ use serde::de::IgnoredAny;
 use super::super::Limits;
 use super::super::stop::Stop;
 use super::super::stream::{Stream, mark};
+use crate::fault::bad;
 use crate::mesh::read::stop::{bad_text, cut_short, gltf_version};
 use crate::platform::PositionalFile;
+use crate::text::shown;
 
 /// Most memory of an object of the description, and of an item of a list.
 const OBJECT_BYTES: u64 = 320;
@@ -49,8 +51,11 @@ pub(super) struct Root {
 }
 
 #[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub(super) struct Asset {
     pub(super) version: String,
+    /// Version that a reader needs, where the file states one.
+    pub(super) min_version: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -345,7 +350,20 @@ pub(super) fn read(
     if root.asset.version.split('.').next() != Some("2") {
         return Err(gltf_version(&root.asset.version.chars().take(16).collect::<String>()).into());
     }
+    if let Some(least) = root.asset.min_version.as_deref().filter(|least| !is_at_most_2_0(least)) {
+        let least: String = least.chars().take(16).collect();
+        return Err(bad!(
+            "needs a reader of glTF {} (asset.minVersion), and 2.0 is read; write it as glTF 2.0",
+            shown(&least)
+        )
+        .into());
+    }
     Ok(Described { root, embedded, held_bytes })
+}
+
+fn is_at_most_2_0(version: &str) -> bool {
+    let parts = version.split_once('.').map(|(major, minor)| (major.parse::<u32>(), minor.parse::<u32>()));
+    matches!(parts, Some((Ok(major), Ok(minor))) if (major, minor) <= (2, 0))
 }
 
 /// True for glTF 1, which has objects with names where version 2 has lists, and need not state its version.
