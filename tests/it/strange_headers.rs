@@ -243,6 +243,8 @@ fn numbers_of_other_headers_that_are_none_are_refused_or_told() {
     let told = nrrd("spacings: 1 nan 2\n").unwrap().join("; ");
     assert!(told.contains("a spacing of NaN along axis 2; 1 mm is assumed"), "{told}");
     assert!(!told.contains("states no spacing"), "{told}");
+    let both = nrrd("space: LPS\nspace directions: (3,4,0) (0,2,0) (0,0,1)\nspacings: 5.001 nan 1\n");
+    assert!(both.is_ok(), "{both:?}");
     let refused = nrrd("space: LPS\nspace directions: (1,0,0) (0,inf,0) (0,0,1)\n").unwrap_err();
     assert!(refused.contains("no numbers"), "{refused}");
     for absurd in ["1e300 1e-300 1", "1e-9 1 10"] {
@@ -553,6 +555,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("dimension", "three"),
                 ("space directions", "(1,5,0,0) (0,1,0) (0,0,1)"),
                 ("space directions", "(1,0,0) (0,a,0) (0,0,1)"),
+                ("space directions", "(1,0,0) (0,1,0) (0,0,1)\nspacings: 1 2 1"),
                 ("space origin", "(0,0,0,0)"),
                 ("space origin", "0 0 0"),
                 ("centers", "cell nod cell"),

@@ -21,6 +21,9 @@ fn is_kind(kind: &str) -> bool {
 /// Places of samples in the cells of an axis; the last two leave it open.
 const CENTERS: [&str; 4] = ["cell", "node", "???", "none"];
 
+/// Greatest difference of a spacing from the length of a direction, as a part of it: the rounding of text.
+const ROUNDED: f64 = 1e-3;
+
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Axis {
@@ -98,6 +101,7 @@ impl Geometry {
                 return Err(wrong_count("a vector in space", &text.join(","), vector.len(), due));
             }
         }
+        self.check_lengths()?;
         let axis = |(index, size): (usize, &u64)| {
             let kind = self.kinds.get(index).cloned().unwrap_or_default();
             let named = kind.is_empty() || SPATIAL_KINDS.contains(&kind.as_str());
@@ -105,6 +109,20 @@ impl Geometry {
             Axis { size: *size, spatial: named && directed, kind }
         };
         Ok(sizes.iter().enumerate().map(axis).collect())
+    }
+
+    /// Refuses spacings that are not the lengths of the directions; the format allows either field.
+    fn check_lengths(&self) -> Result<(), Fault> {
+        for (axis, (spacing, direction)) in (1..).zip(self.spacings.iter().zip(&self.directions)) {
+            let Some(direction) = direction.as_ref().filter(|_| !spacing.is_nan()) else { continue };
+            let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
+            if (length - spacing.abs()).abs() > ROUNDED * length {
+                return Err(bad!(
+                    "its header states a spacing of {spacing} along axis {axis} (spacings), and one of {length} (space directions); remove the wrong field"
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Dimensions of the space, by its name, by their number, or by the first direction.
