@@ -20,8 +20,8 @@ use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
 
-/// Fields that state the type and location of the samples.
-const ONCE: [&str; 9] = [
+/// Fields that may be stated once.
+const ONCE: [&str; 15] = [
     "ndims",
     "dimsize",
     "elementtype",
@@ -31,6 +31,12 @@ const ONCE: [&str; 9] = [
     "offset",
     "transformmatrix",
     "compresseddata",
+    "binarydata",
+    "elementsize",
+    "elementtointensityfunctionslope",
+    "elementtointensityfunctionoffset",
+    "distanceunits",
+    "kinds",
 ];
 
 /// True for a MetaImage header.
@@ -57,7 +63,7 @@ struct Header {
     axes: usize,
     size: Vec<u64>,
     kind: String,
-    big: bool,
+    big: Option<bool>,
     binary: bool,
     compressed: bool,
     channels: u64,
@@ -128,7 +134,12 @@ impl Header {
             "ndims" => self.axes = number(key, value)?,
             "dimsize" => self.size = numbers(key, value)?,
             "elementtype" => self.kind = value.to_uppercase(),
-            "elementbyteordermsb" | "binarydatabyteordermsb" => self.big = truth()?,
+            "elementbyteordermsb" | "binarydatabyteordermsb" => {
+                let big = truth()?;
+                if self.big.replace(big).is_some_and(|before| before != big) {
+                    return Err(twice("the byte order", "BinaryDataByteOrderMSB, ElementByteOrderMSB"));
+                }
+            }
             "binarydata" => self.binary = truth()?,
             "compresseddata" => self.compressed = truth()?,
             "elementnumberofchannels" => self.channels = number(key, value)?,
@@ -140,12 +151,15 @@ impl Header {
             "offset" | "position" | "origin" => {
                 let before = std::mem::replace(&mut self.origin, numbers(key, value)?);
                 if !(before.is_empty() || before == self.origin) {
-                    return Err(bad!(
-                        "its header states the place of the first voxel twice (Offset, Position, Origin); remove the wrong line"
-                    ));
+                    return Err(twice("the place of the first voxel", "Offset, Position, Origin"));
                 }
             }
-            "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(key, value)?,
+            "transformmatrix" | "rotation" | "orientation" => {
+                let before = std::mem::replace(&mut self.matrix, numbers(key, value)?);
+                if !(before.is_empty() || before == self.matrix) {
+                    return Err(twice("its directions", "TransformMatrix, Rotation, Orientation"));
+                }
+            }
             "elementtointensityfunctionslope" => self.intensity[0] = Some(number(key, value)?),
             "elementtointensityfunctionoffset" => self.intensity[1] = Some(number(key, value)?),
             "distanceunits" => self.unit = value.to_owned(),
@@ -221,7 +235,7 @@ impl Header {
             size,
             volumes,
             samples,
-            endian: if self.big { Endian::Big } else { Endian::Little },
+            endian: if self.big == Some(true) { Endian::Big } else { Endian::Little },
             encoding,
             skip,
             skip_unpacked: Skip::Bytes(0),
@@ -306,6 +320,11 @@ impl Header {
         }
         Ok(affine)
     }
+}
+
+/// The fault of a field with several names whose values differ.
+fn twice(what: &str, names: &str) -> Fault {
+    bad!("its header states {what} twice ({names}), and not alike; remove the wrong line")
 }
 
 /// Type of a sample by its name in the format; `MET_LONG` has 32 bits there.

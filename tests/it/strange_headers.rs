@@ -478,7 +478,9 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
             ("ElementType", "MET_UCHAR"),
             ("ElementSpacing", "1 1 1"),
             ("Offset", "0 0 0"),
-            ("TransformMatrix", "1 0 0 0 1 0 0 0 1"),
+            ("TransformMatrix", "1 0 0 0 1 0 0 0 1\nOrientation = 1 0 0 0 1 0 0 0 1"),
+            ("BinaryDataByteOrderMSB", "False\nElementByteOrderMSB = False"),
+            ("DistanceUnits", "mm"),
         ];
         fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
         let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name} = {value}\n")).collect();
@@ -545,6 +547,9 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("NDims", "3 3"),
                 ("TransformMatrix", "1 0 0 0 1 0 0 0 1 0"),
                 ("TransformMatrix", "1 0 0 0 1 0 0 0 one"),
+                ("TransformMatrix", "1 0 0 0 1 0 0 0 1\nRotation = 0 1 0 1 0 0 0 0 1"),
+                ("BinaryDataByteOrderMSB", "False\nElementByteOrderMSB = True"),
+                ("DistanceUnits", "mm\nDistanceUnits = cm"),
             ],
         ),
         (
