@@ -712,6 +712,15 @@ fn what_other_programs_leave_out_or_add_is_read() {
     );
     file(folder.path(), "a.zarr/0/0/0", &object.bytes);
     assert_eq!(volumes_of(&folder.path().join("a.zarr"), &object.bytes).unwrap().0, whole);
+    for (chunk, words) in [
+        ([&object.bytes[..], &[0]].concat(), "61 bytes, and its array states 60"),
+        (vec![0; 59], "cut short"),
+    ] {
+        file(folder.path(), "a.zarr/0/0/0", &chunk);
+        let volume = open_unprepared(&[folder.path().join("a.zarr")], &OpenOptions::default()).unwrap();
+        let refused = volume.read_rows(0, 0..3, 0..4, &mut [0; 12]).unwrap_err().to_string();
+        assert!(refused.contains(words), "{refused}");
+    }
 }
 
 #[test]

@@ -51,6 +51,14 @@ pub(super) fn short() -> io::Error {
     bad!("is a chunk that is cut short; copy it again").in_stream()
 }
 
+/// The error of a chunk that holds more bytes than its array states.
+pub(super) fn long(length: u64, stated: u64) -> io::Error {
+    bad!(
+        "is a chunk of {length} bytes, and its array states {stated}; correct the sizes of its chunks or its data type"
+    )
+    .in_stream()
+}
+
 impl Packing {
     /// This packing with another codec behind it.
     pub(super) fn then(self, name: &str) -> Read<Self> {

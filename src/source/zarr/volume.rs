@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, TryLockError};
 
 use super::array::{Array, ChunkLocation};
 use super::blosc::Buffers;
-use super::packing::{PIECE, short};
+use super::packing::{PIECE, long, short};
 use crate::budget::Reservation;
 use crate::platform::PositionalFile;
 use crate::scratch::unnamed;
@@ -357,8 +357,10 @@ impl ZarrVolume {
             None => {
                 let place = self.array.place(self.number, chunk)?;
                 let (bytes, _) = self.array.within(self.number);
-                if place.as_ref().is_some_and(|place| place.length != bytes) {
-                    return Err(short());
+                match place.as_ref().map(|place| place.length) {
+                    Some(length) if length < bytes => return Err(short()),
+                    Some(length) if length > bytes => return Err(long(length, bytes)),
+                    _ => {}
                 }
                 (number, place.map(|place| Arc::new(place.file)))
             }
