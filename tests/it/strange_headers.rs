@@ -589,6 +589,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
             &[
                 ("Lattice", "4 3,5 5"),
                 ("Lattice", "4 3 5 2"),
+                ("Lattice", "4 3 5\ndefine Lattice 4 3 5\ndefine Lattice 5 3 4"),
                 ("BoundingBox", "0 3 0 2,5 0 4"),
                 ("BoundingBox", "0 3 0 2 0 4 1"),
                 ("BoundingBox", "0 3 0 2 0"),

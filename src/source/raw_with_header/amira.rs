@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
+use crate::fault::bad;
 use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{Lines, exactly, text, unreadable};
@@ -60,6 +61,15 @@ fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
     let is_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
     let lattice = behind(words, "Lattice", is_number).ok_or_else(|| missing("a lattice of three axes"))?;
     let size: [u64; 3] = exactly("define Lattice", &number_words(lattice))?;
+    let mut rest = lattice;
+    while let Some(again) = behind(rest, "Lattice", is_number) {
+        if exactly::<3, u64>("define Lattice", &number_words(again))? != size {
+            return Err(bad!(
+                "its header defines Lattice twice, with different sizes; remove the wrong line"
+            ));
+        }
+        rest = again;
+    }
     if let Some(kind) = behind(words, "CoordType", |kind| kind.trim_matches('"') != "uniform") {
         return Err(unread(
             format!("a lattice of the CoordType {}", kind[0].trim_matches('"')),
