@@ -247,6 +247,8 @@ fn numbers_of_other_headers_that_are_none_are_refused_or_told() {
     assert!(both.is_ok(), "{both:?}");
     let refused = nrrd("space: LPS\nspace directions: (1,0,0) (0,inf,0) (0,0,1)\n").unwrap_err();
     assert!(refused.contains("no numbers"), "{refused}");
+    let refused = nrrd("spacings: 1 1 0\n").unwrap_err();
+    assert!(refused.contains("a spacing of 0 along axis 3"), "{refused}");
     for absurd in ["1e300 1e-300 1", "1e-9 1 10"] {
         let refused = nrrd(&format!("spacings: {absurd}\n")).unwrap_err();
         assert!(refused.contains("correct spacing"), "{refused}");

@@ -144,7 +144,7 @@ impl Geometry {
         if directed {
             self.directed(space, &mut affine, notes)?;
         } else {
-            self.measured(axes, space, &mut affine, notes);
+            self.measured(axes, space, &mut affine, notes)?;
         }
         if space.len() == 2 {
             // A picture has no thickness; its third axis is taken at right angles.
@@ -189,11 +189,23 @@ impl Geometry {
     }
 
     /// Fills the affine from `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
-    fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) {
+    fn measured(
+        &self,
+        axes: &[Axis],
+        space: &[usize],
+        affine: &mut Affine,
+        notes: &mut Vec<Note>,
+    ) -> Result<(), Fault> {
         let finite = |list: &[f64], at: usize| list.get(at).copied().filter(|v| v.is_finite());
         let wrong = |list: &[f64], at: usize| list.get(at).copied().filter(|v| !v.is_finite());
         let mut missing = false;
         for (column, index) in space.iter().enumerate() {
+            if self.spacings.get(*index) == Some(&0.0) {
+                return Err(bad!(
+                    "its header states a spacing of 0 along axis {} (spacings); correct it, or write nan if it is unknown",
+                    *index + 1
+                ));
+            }
             let cells = self.centers.get(*index).is_none_or(|c| c != "node");
             let count = axes.get(*index).map_or(1, |a| a.size) as f64;
             let (min, max) = (finite(&self.mins, *index), finite(&self.maxs, *index));
@@ -233,6 +245,7 @@ impl Geometry {
             notes.push(Note::new(note));
         }
         notes.push(Note::no_directions("the header"));
+        Ok(())
     }
 }
 

@@ -164,7 +164,7 @@ impl<'a> Tiff<'a> {
         directory.get(tag).map_or(Ok(default), |entry| self.element(entry, 0))
     }
 
-    /// A ratio; `None` where the field is missing or senseless.
+    /// A ratio, infinite where a number is divided by 0; `None` where the field is missing or senseless.
     pub(super) fn ratio(&self, directory: &Directory, tag: u16) -> io::Result<Option<f64>> {
         let Some(entry) = directory.get(tag) else { return Ok(None) };
         let (bytes, width) = self.bytes(entry, 0)?;
@@ -179,7 +179,7 @@ impl<'a> Tiff<'a> {
             12 => f64::from_bits(bits),
             kind => return Err(damaged(bad!("its resolution is of the type {kind}, which is not a ratio"))),
         };
-        Ok((ratio.is_finite() && ratio > 0.0).then_some(ratio))
+        Ok((ratio > 0.0).then_some(ratio))
     }
 
     /// Text of a field, its first `most` bytes.

@@ -89,13 +89,18 @@ impl Notes {
             }
             axes = vec![('T', frames), ('Z', slices), ('C', channels)];
         }
+        let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
+        if unit.and_then(unit_mm).is_some() && resolution.contains(&Some(f64::INFINITY)) {
+            return Err(bad!(
+                "its resolution is a number over 0, which makes no spacing; save it again, or leave the resolution out"
+            ));
+        }
         let depth = value("spacing").map(|v| number::<f64>("spacing", v)).transpose()?;
         let spacing = |mm: f64| {
             let across = resolution[0].or(resolution[1])?;
             let down = resolution[1].unwrap_or(across);
             sound([mm / across, mm / down, mm * depth.map_or(1.0, f64::abs)])
         };
-        let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
         let spacing_mm = unit.and_then(unit_mm).and_then(spacing);
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
         let unknown_unit = unit.filter(|unit| unit_mm(unit).is_none()).map(str::to_owned);

@@ -230,8 +230,9 @@ pub(crate) struct Tiff {
     pub(crate) photometric: u16,
     /// The corner that rows and columns begin at; 1 is the upper left.
     pub(crate) orientation: u16,
-    /// X and Y resolution in pixels per unit.
+    /// X and Y resolution in pixels per unit, and what both are divided by.
     pub(crate) resolution: Option<[u32; 2]>,
+    pub(crate) divisor: u32,
 }
 
 impl Default for Tiff {
@@ -248,6 +249,7 @@ impl Default for Tiff {
             photometric: 1,
             orientation: 1,
             resolution: None,
+            divisor: 1,
         }
     }
 }
@@ -332,7 +334,7 @@ impl Tiff {
         if let Some(resolution) = self.resolution {
             for (tag, value) in [282, 283].into_iter().zip(resolution) {
                 // A ratio: two longs, the numerator first.
-                entries.push((tag, 5, 4, vec![value.into(), 1]));
+                entries.push((tag, 5, 4, vec![value.into(), self.divisor.into()]));
             }
         }
         entries.push((317, 3, 2, vec![self.predictor.into()]));

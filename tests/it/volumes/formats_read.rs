@@ -353,6 +353,12 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     let more = Tiff { description: stacked.replace("images=11", "images=900"), ..how.clone() };
     let refused = ready(&[file(folder.path(), "more.tif", &more.write(&object))], folder.path());
     assert!(refused.err().unwrap().to_string().contains("promises 900 images"));
+    // Numbers over 0 are no resolution; 0 over 0 is how an unknown one is written.
+    let over_0 = |resolution| Tiff { resolution: Some(resolution), divisor: 0, ..how.clone() }.write(&object);
+    let refused = ready(&[file(folder.path(), "over.tif", &over_0([2, 4]))], folder.path());
+    assert!(refused.err().unwrap().to_string().contains("a number over 0"));
+    let unknown = ready(&[file(folder.path(), "unknown.tif", &over_0([0, 0]))], folder.path()).unwrap();
+    assert!(sentences(&unknown.info().notes).join(" ").contains("states no spacing"));
     // Signed values, as ImageJ stores them.
     let signed = Tiff { description: format!("{stacked}cf=0\nc0=-32768.0\nc1=1.0\n"), ..how.clone() };
     let signed = file(folder.path(), "signed.tif", &signed.write(&object));
