@@ -286,6 +286,16 @@ fn behaviour_09_copies_are_dropped_and_counted_other_repeats_are_not() {
         source.info().dims.nz() == 3
             && warnings(source.as_ref()).contains("1 image left out for being in the series twice")
     );
+    assert!(!warnings(source.as_ref()).contains("different pixels"));
+    // The same instance with other pixels: one of them is used, and both are named.
+    let folder = Folder::of(&three);
+    folder.put("again/copy.dcm", &Elements::ct(2.0, 2, [9; 4]).bytes());
+    let said = warnings(folder.open(GapPolicy::Error).unwrap().as_ref());
+    assert!(
+        said.contains("2.dcm and again/copy.dcm have one SOP Instance UID")
+            && said.contains("different pixels"),
+        "{said}"
+    );
     // Exported again with a new UID: the same numbers and the same pixels.
     let folder = Folder::of(&three);
     folder.put("new-uid.dcm", &three[1].with(0x0008_0018, "UI", "7.7.7").bytes());

@@ -225,6 +225,16 @@ fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<Note> {
             named.join(", ")
         )));
     }
+    if let Some(([kept, dropped], more)) = series.unlike.split_first() {
+        let name = |file: &u32| shown(series.files.name(*file as usize)).to_string();
+        let more =
+            if more.is_empty() { String::new() } else { format!("; so it is with {} more", more.len()) };
+        notes.push(Note::new(format!(
+            "{} and {} have one SOP Instance UID (0008,0018) and different pixels, and the first of them is used{more}",
+            name(kept),
+            name(dropped)
+        )));
+    }
     if let Some((path, error)) = &series.lost {
         let file = path.file_name().map(PathBuf::from).unwrap_or_default();
         notes.push(Note::new(format!("{}: {error}", shown(&file))));

@@ -313,6 +313,8 @@ pub(crate) struct Series {
     pub(crate) obstacles: Vec<Obstacle>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
+    /// Files of those whose pixels differ from the image that stayed, behind the file of that image.
+    pub(crate) unlike: Vec<[u32; 2]>,
     /// The first file with an image that cannot be placed, scaled or told apart, as its header states wrong numbers,
     /// and these: which of the others it belongs to is not known, either.
     pub(crate) wrong: Option<(u32, String)>,
@@ -428,7 +430,7 @@ impl Series {
         }
         let files = &self.files;
         for group in &mut self.groups {
-            drop_copies(&mut group.slices, files, &mut self.duplicates);
+            drop_copies(&mut group.slices, files, (&mut self.duplicates, &mut self.unlike));
         }
         self.duplicates.sort_unstable();
         self.groups.retain(|g| !g.slices.is_empty());
@@ -482,13 +484,20 @@ fn is_stack(group: &Group) -> Option<bool> {
 
 /// Drops images that are there twice: with one SOP Instance UID at one position, or with the same numbers
 /// at one position and equal pixels. Of copies the one that can be read stays, then the one that needs
-/// no decoding. The files of those that were dropped are noted.
-fn drop_copies(slices: &mut Vec<Slice>, files: &FileList, duplicates: &mut Vec<u32>) {
+/// no decoding. The files of those that were dropped are noted, and of pixels that differ under one UID.
+fn drop_copies(
+    slices: &mut Vec<Slice>,
+    files: &FileList,
+    (duplicates, unlike): (&mut Vec<u32>, &mut Vec<[u32; 2]>),
+) {
     let identity = |s: &Slice| (s.identity, s.frame, s.place(), s.instance);
     slices.dedup_by(|s, kept| {
         let copy = s.identity != 0 && identity(s) == identity(kept);
         if copy {
             duplicates.push(s.file);
+            if differ(kept, s, files) {
+                unlike.push([kept.file, s.file]);
+            }
         }
         copy
     });
@@ -526,6 +535,13 @@ fn drop_copies(slices: &mut Vec<Slice>, files: &FileList, duplicates: &mut Vec<u
         }
         !copy
     });
+}
+
+/// True if pixels that are stored in the same way have other bytes.
+fn differ(a: &Slice, b: &Slice, files: &FileList) -> bool {
+    let is_alike = a.layout == b.layout && a.pixels.1 == b.pixels.1 && a.pixels.1 > 0;
+    let is_native = a.native().is_some() && b.native().is_some();
+    is_alike && is_native && same_pixels(a, b, files).is_ok_and(|same| !same)
 }
 
 const PIECE: usize = 16 << 10;
