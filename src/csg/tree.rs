@@ -128,6 +128,8 @@ pub struct Tree {
     pub(super) children: Vec<NodeId>,
     /// Bytes of boxes, and of the lists of faces.
     boxed_bytes: usize,
+    /// The first note on its text, and the number of others.
+    note: Option<(String, u64)>,
 }
 
 impl Tree {
@@ -147,6 +149,21 @@ impl Tree {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
+    }
+
+    pub(super) fn note(&mut self, note: String) {
+        match &mut self.note {
+            Some((_, others)) => *others += 1,
+            None => self.note = Some((note, 0)),
+        }
+    }
+
+    /// A note on the text that it was read from.
+    pub(crate) fn note_on_text(&self) -> Option<String> {
+        self.note.as_ref().map(|(first, others)| match others {
+            0 => first.clone(),
+            _ => format!("{first}; so it is with {others} more"),
+        })
     }
 
     /// A leaf. Senseless numbers of its shape are refused when the tree is built.

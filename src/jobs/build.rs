@@ -500,11 +500,12 @@ impl BuildJob<'_> {
         }
         self.give_back();
         let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();
+        let note = tree.note_on_text();
         let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };
         let (options, scratch) = (self.options, self.options.scratch_folder(self.output));
         let then = |made: &FileSolid<'_>| then(made, options);
         let (done, facts) = with_tree(input, &self.grid.tree(), options, scratch, self.progress, then)?;
-        Ok((done, vec![facts.to_string()]))
+        Ok((done, std::iter::once(facts.to_string()).chain(note).collect()))
     }
 
     /// Opens the volumes that leaves of a tree name, each once, and prepares them.

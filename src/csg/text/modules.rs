@@ -260,6 +260,18 @@ fn turn(degrees: f64, axis: [f64; 3]) -> Affine {
     affine
 }
 
+/// The note of a diameter and a radius of one shape. OpenSCAD uses the diameter.
+pub(super) fn doubled(of: &Arguments) -> Option<String> {
+    let pairs = match of.module.as_str() {
+        "circle" | "sphere" => &[("d", "r", Some(0))][..],
+        "cylinder" => &[("d", "r", None), ("d1", "r1", Some(1)), ("d2", "r2", Some(2))],
+        _ => return None,
+    };
+    let is_given = |name, place| of.value(name, place).is_some();
+    let (d, r, _) = pairs.iter().find(|(d, r, place)| is_given(*d, None) && is_given(*r, *place))?;
+    Some(format!("{}{} has both {d} and {r}; {d} is used, as in OpenSCAD", At(of.line), of.module))
+}
+
 /// A radius, or half of a diameter.
 fn radius(
     of: &Arguments,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Stop;
 use super::lexer::{Lexer, Token};
-use super::modules::{Block, Meaning, made_bytes, meaning};
+use super::modules::{Block, Meaning, doubled, made_bytes, meaning};
 use super::values::{Arguments, MAX_NAME};
 use crate::csg::fault::{At, expected, unsupported, variable};
 use crate::csg::tree::{NodeId, Operation, Tree, boxed, push};
@@ -166,6 +166,9 @@ impl Parser<'_> {
         let facets = arguments.facets;
         self.hold(arguments.bytes() + made_bytes(&arguments))?;
         let meant = meaning(&arguments, extruded, self.folder)?;
+        if let Some(note) = doubled(&arguments).filter(|_| !left_out) {
+            self.tree.note(note);
+        }
         let union = Block::Joined(Operation::Union);
         let (block, extruded) = match meant {
             Meaning::Leaf(shape) => {

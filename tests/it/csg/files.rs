@@ -120,6 +120,32 @@ fn a_volume_is_cut_by_a_mesh_and_a_torus() {
 }
 
 #[test]
+fn a_radius_next_to_a_diameter_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let how = CsgOptions { grid: Some(GridChoice::Side { voxels: 32, margin: 1 }), unit_mm: 1.0 };
+    let made = |text: &str| {
+        let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
+        std::fs::write(&tree, text).unwrap();
+        let told = built(tree, &how, &options(16, 1), &output).unwrap().warnings.join(" ");
+        (skin_of(&Model::open(&output).unwrap()), told)
+    };
+    for (text, same, note) in [
+        ("sphere(4, d = 20);", "sphere(r = 10);", "line 1: sphere has both d and r; d is used"),
+        (
+            "\ncylinder(h = 8, r1 = 1, d1 = 12, r2 = 3); *sphere(r = 1, d = 1);",
+            "cylinder(h = 8, r1 = 6, d2 = 6);",
+            "line 2: cylinder has both d1 and r1; d1 is used, as in OpenSCAD",
+        ),
+        ("union() { sphere(1, d = 9); sphere(2, d = 9); }", "sphere(4.5);", "so it is with 1 more"),
+    ] {
+        let ((found, told), (due, silent)) = (made(text), made(same));
+        assert!(found == due && told.contains(note), "{text}: {told}");
+        assert!(!silent.contains("both"), "{silent}");
+    }
+}
+
+#[test]
 fn what_reaches_out_of_a_volumes_grid_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
