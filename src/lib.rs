@@ -275,6 +275,7 @@ pub fn clean_and_build(
     let mut volume = cleaning.reshape(Box::new(volume))?;
     let scratch = options.scratch_folder(output);
     volume.prepare(&Workspace { scratch: &scratch, memory: Budget::of(options.memory), progress })?;
+    cleaning.mask_labels(&mut *volume, &options, progress);
     let cleaned = cleaning.clean(&*volume, &options, output, progress)?;
     let source = match &cleaned {
         Some(cleaned) => {

@@ -6,13 +6,13 @@ use super::parallel::Share;
 use super::range::highest_below;
 use super::report::BuildNote;
 use super::ring::{FileRange, MaskRange, file_range};
-use super::{Progress, Threshold, histogram};
+use super::{BuildOptions, Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::BuildFault;
 use crate::fault::usage;
 use crate::format::{Selection, SelectionKind};
-use crate::volume::{Rescale, VolumeInfo, VolumeSource};
+use crate::volume::{Rescale, Treatment, VolumeInfo, VolumeSource};
 
 /// Chooses the inside values, as [`super::build_volume`] does, and notes oddities of the volume; [`Threshold::Chosen`]
 /// passes the result to it.
@@ -32,6 +32,20 @@ pub(crate) fn choose_noted(
     let chooser = Chooser { source, memory, threads, progress };
     let Chosen { selection, note, .. } = chooser.choose(threshold)?;
     Ok((selection, note))
+}
+
+/// Number of labels by which [`Threshold::Otsu`] knows a volume for a map; `None` for others, of which some slices are
+/// read.
+pub(crate) fn label_count(
+    source: &dyn VolumeSource,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Option<usize> {
+    let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
+    match chooser.is_map().ok().filter(|is_map| *is_map).and_then(|_| chooser.by_values().ok())? {
+        (_, Some(BuildNote::Labels { count })) => Some(count),
+        _ => None,
+    }
 }
 
 /// A selection of the inside values.
@@ -69,15 +83,9 @@ impl Chooser<'_> {
             Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
             Threshold::Chosen(selection) => selection,
             Threshold::Otsu => {
-                let passes = 1 + u64::from(histogram::needs_extremes(scalar));
-                self.progress.stage("histogram", passes * self.source.info().dims.voxels());
-                let (threads, _memory) = self.reserve_histogram()?;
-                let Some(split) = histogram::otsu(self.source, threads, self.progress)? else {
-                    return Err(self.empty(Criterion::Split));
-                };
-                let by_otsu;
-                (by_otsu, note) = self.of_split(split);
-                by_otsu
+                let by_values;
+                (by_values, note) = self.by_values()?;
+                by_values
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
@@ -95,6 +103,30 @@ impl Chooser<'_> {
             Some(range) => Ok(Chosen { selection, range, note }),
             None => Err(self.empty(Criterion::Within(selection))),
         }
+    }
+
+    /// The selection by Otsu's method, or of labels.
+    fn by_values(&self) -> Result<(Selection, Option<BuildNote>), BuildError> {
+        if let Some(half) = self.of_mask() {
+            return Ok(half);
+        }
+        let VolumeInfo { dims, scalar, .. } = *self.source.info();
+        let passes = 1 + u64::from(histogram::needs_extremes(scalar));
+        self.progress.stage("histogram", passes * dims.voxels());
+        let (threads, _memory) = self.reserve_histogram()?;
+        match histogram::otsu(self.source, threads, self.progress)? {
+            Some(split) => Ok(self.of_split(split)),
+            None => Err(self.empty(Criterion::Split)),
+        }
+    }
+
+    /// One half, for averages of a mask of labels.
+    fn of_mask(&self) -> Option<(Selection, Option<BuildNote>)> {
+        let half = Selection { kind: SelectionKind::Iso, lo: 0.5, hi: f64::INFINITY };
+        self.source.info().description.treatments.iter().find_map(|treatment| match treatment {
+            Treatment::Mask(count) => Some((half, Some(BuildNote::Labels { count: *count }))),
+            _ => None,
+        })
     }
 
     /// True if the samples are labels, judged by some slices: the same for every part of a model, and cheap for others.
@@ -151,6 +183,9 @@ impl Chooser<'_> {
         tally: Tally,
         extremes: Option<(f64, f64)>,
     ) -> Result<(Selection, Option<BuildNote>), BuildError> {
+        if let Some(half) = self.of_mask() {
+            return Ok(half);
+        }
         let bins = Bins::new(self.source.info().scalar, extremes);
         let seen = extremes.or_else(|| tally.ends(bins));
         let Some(split) = tally.split(bins, self.source) else {

@@ -43,7 +43,8 @@ use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
-    self, BuildError, BuildFault, BuildNote, BuildOptions, Progress, choose_noted, for_each_block, range_test,
+    self, BuildError, BuildFault, BuildNote, BuildOptions, Progress, Threshold, choose_noted, for_each_block,
+    label_count, range_test,
 };
 use crate::fault::{unfit, usage};
 use crate::format::Selection;
@@ -206,6 +207,19 @@ impl CleanOptions {
             source = Box::new(Downsample::new(source, factor)?);
         }
         Ok(source)
+    }
+
+    /// Makes downsampling average the mask of a label map where the program chooses the threshold; to be called after
+    /// [`VolumeSource::prepare`].
+    pub(crate) fn mask_labels(
+        &self,
+        source: &mut dyn VolumeSource,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) {
+        if self.downsample.is_some() && options.threshold == Threshold::Otsu && self.preset.is_none() {
+            source.average_mask(&|whole| label_count(whole, options, progress));
+        }
     }
 
     /// The smallest [`MemoryCap::Share`] within which a (reshaped) volume can be cleaned and built.

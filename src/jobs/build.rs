@@ -389,6 +389,7 @@ impl BuildJob<'_> {
         let threshold = clean.preset.map_or(self.options.threshold, |preset| preset.threshold());
         let mut options = BuildOptions { threshold, ..self.options.clone() };
         prepare(&mut *source, clean, &options, output, progress)?;
+        clean.mask_labels(&mut *source, &options, progress);
         self.give_back();
         let cleaned = clean.clean(&*source, &options, output, progress)?;
         let report = match &cleaned {

@@ -96,6 +96,8 @@ pub enum Treatment {
     DirectionsReplaced,
     /// A part was cut out: voxel indices along x, y, z, the ends not included.
     Crop([Range<u32>; 3]),
+    /// Labels as one mask, 1 inside and 0 outside, and their number.
+    Mask(usize),
     /// Reduction by this factor along each axis.
     Downsample(u32),
     /// Cleaning of its occupancy, in these steps.
@@ -108,6 +110,7 @@ impl fmt::Display for Treatment {
             Self::SpacingReplaced => f.write_str("spacing replaced"),
             Self::DirectionsReplaced => f.write_str("directions replaced"),
             Self::Crop([x, y, z]) => write!(f, "roi {x:?},{y:?},{z:?}"),
+            Self::Mask(labels) => write!(f, "mask of {labels} labels"),
             Self::Downsample(factor) => write!(f, "downsample {factor}"),
             Self::Cleaned(steps) => f.write_str(&steps.join("; ")),
         }

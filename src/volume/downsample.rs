@@ -32,6 +32,8 @@ pub struct Downsample<'a> {
     source: Box<dyn VolumeSource + 'a>,
     info: VolumeInfo,
     factor: u32,
+    /// True if samples above 0 count as 1: labels, whose numbers have no mean.
+    is_mask: bool,
 }
 
 impl<'a> Downsample<'a> {
@@ -69,7 +71,7 @@ impl<'a> Downsample<'a> {
             ScalarType::U32 | ScalarType::I32 | ScalarType::F64 => ScalarType::F64,
             _ => ScalarType::F32,
         };
-        Ok(Self { source, info, factor })
+        Ok(Self { source, info, factor, is_mask: false })
     }
 
     /// One row of means.
@@ -97,6 +99,7 @@ impl<'a> Downsample<'a> {
                 for row in samples.chunks_exact(width) {
                     for (sum, block) in sums.iter_mut().zip(row.chunks(factor)) {
                         for v in block.iter().map(|v| v.to_f64()).filter(|v| !v.is_nan()) {
+                            let v = if self.is_mask { f64::from(u8::from(v > 0.0)) } else { v };
                             *sum = (sum.0 + v, sum.1 + 1);
                         }
                     }
@@ -122,6 +125,17 @@ impl Wrapper for Downsample<'_> {
 
     fn own_bytes(&self) -> u64 {
         64 << 10
+    }
+
+    fn own_average_mask(&mut self, labels: &dyn Fn(&dyn VolumeSource) -> Option<usize>) {
+        if self.is_mask {
+            return;
+        }
+        if let Some(count) = labels(&*self.source) {
+            self.is_mask = true;
+            let treatments = &mut self.info.description.treatments;
+            treatments.insert(treatments.len().saturating_sub(1), Treatment::Mask(count));
+        }
     }
 
     fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {

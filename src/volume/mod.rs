@@ -229,6 +229,13 @@ pub trait VolumeSource: Send + Sync {
     /// Static facts; known before [`VolumeSource::prepare`].
     fn info(&self) -> &VolumeInfo;
 
+    /// Makes a volume of averages average the mask of a label map instead of its numbers, if `labels` counts labels in
+    /// the volume behind it.
+    #[doc(hidden)]
+    fn average_mask(&mut self, labels: &dyn Fn(&dyn VolumeSource) -> Option<usize>) {
+        let _ = labels;
+    }
+
     /// The kind of image, such as `CT` or `MR`, where the input states it.
     fn modality(&self) -> Option<&str> {
         None

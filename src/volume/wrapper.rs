@@ -27,6 +27,11 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
         0
     }
 
+    /// [`VolumeSource::average_mask`] of the wrapper.
+    fn own_average_mask(&mut self, labels: &dyn Fn(&dyn VolumeSource) -> Option<usize>) {
+        let _ = labels;
+    }
+
     /// [`VolumeSource::read_rows`] of the wrapper: the inner volume's samples, unless they are changed.
     ///
     /// # Errors
@@ -98,6 +103,9 @@ macro_rules! pass_on {
         fn prepare(&mut $self, workspace: &Workspace<'_>) -> Result {
             $inner.prepare(workspace)
         }
+        fn average_mask(&mut $self, labels: &dyn Fn(&dyn VolumeSource) -> Option<usize>) {
+            $inner.average_mask(labels);
+        }
         fn read_rows(&$self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
             $inner.read_rows(z, rows, cols, out)
         }
@@ -133,6 +141,10 @@ impl<W: Wrapper> VolumeSource for W {
 
     fn info(&self) -> &VolumeInfo {
         self.own_info()
+    }
+
+    fn average_mask(&mut self, labels: &dyn Fn(&dyn VolumeSource) -> Option<usize>) {
+        self.own_average_mask(labels);
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {

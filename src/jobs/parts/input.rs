@@ -178,6 +178,7 @@ impl PartsInput<'_> {
         let BuildJob { clean, options, progress, .. } = self.job;
         if let Subject::Volume(volume) = &mut opened.subject {
             prepare(&mut **volume, clean, options, scratch_beside, progress)?;
+            clean.mask_labels(&mut **volume, options, progress);
             self.job.give_back();
         }
         Ok(())

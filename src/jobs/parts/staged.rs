@@ -280,7 +280,11 @@ pub fn part_stage(
 pub fn merge_stage(plan: &Plan, stage: Stage, input: &PartsInput<'_>) -> Result<StageReport, Error> {
     let started = Instant::now();
     let (id, folder) = (plan.part(0)?, plan.folder());
-    let (opened, extremes) = open(plan, stage, &id, input)?;
+    let (mut opened, extremes) = open(plan, stage, &id, input)?;
+    if stage == Stage::Histogram && input.job.clean.downsample.is_some() {
+        // Averages of labels have a threshold of their own, and values tell whether there are any.
+        input.prepare(&mut opened, &stage.whole_path(&id, folder))?;
+    }
     let Some(source) = opened.volume() else { return Err(refused(&plan.path, PartFault::OtherPlan)) };
     input.job.give_back();
     let (mut threshold, mut note, mut cleaning) = (None, None, None);

@@ -1,12 +1,13 @@
 //! Thresholds that the program chooses: of labels, of padded slices, and else by Otsu's method.
 
 use std::ops::Range;
+use std::path::Path;
 
 use infobyte::builder::Tolerance;
 use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume};
 use infobyte::format::{SectionKind, Selection, SelectionKind, SurfaceKind};
 use infobyte::volume::{SourceError, VolumeInfo};
-use infobyte::{BuildOptions, Dims, Model, Threshold, VolumeSource, Voxels};
+use infobyte::{BuildOptions, CleanOptions, Dims, Model, Threshold, VolumeSource, Voxels, clean_and_build};
 
 use crate::common::models::skin_options;
 use crate::common::random::Random;
@@ -223,9 +224,7 @@ fn the_surface_of_labels_is_that_of_their_mask() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.oct");
         build_volume(volume, options, &path, &Silent).unwrap();
-        let model = Model::open(&path).unwrap();
-        let all = model.sections().iter().filter(|entry| entry.kind != Some(SectionKind::Meta));
-        all.map(|entry| (entry.kind, entry.content_crc)).collect::<Vec<_>>()
+        sections_of(&path)
     };
     // Two halves with numbers far apart, and one within the other.
     let label = |p: [u32; 3]| match from_middle(p) {
@@ -261,6 +260,36 @@ fn the_surface_of_labels_is_that_of_their_mask() {
                 BuildOptions { threshold, surface: Some(surface), error, ..BuildOptions::default() };
             let whole = BuildOptions { threshold: Threshold::Range(1.0, 1.0), ..options.clone() };
             assert_eq!(sections(&map, &options), sections(&mask, &whole), "{threshold:?} {surface:?}");
+        }
+    }
+}
+
+/// The sections of a model, except its text.
+fn sections_of(path: &Path) -> Vec<(Option<SectionKind>, u32)> {
+    let model = Model::open(path).unwrap();
+    let all = model.sections().iter().filter(|entry| entry.kind != Some(SectionKind::Meta));
+    all.map(|entry| (entry.kind, entry.content_crc)).collect()
+}
+
+#[test]
+fn averages_of_labels_are_those_of_their_mask() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let maps: [&[(f64, u8)]; 2] = [&[(21.0, 1), (14.0, 200), (8.0, 3)], &[(20.0, 1), (8.0, 2)]];
+    for map in maps {
+        for factor in [2, 4] {
+            let clean = CleanOptions { downsample: Some(factor), ..CleanOptions::default() };
+            let built = |value: &dyn Fn([u32; 3]) -> u8, threshold| {
+                let mut volume = Voxels::from_fn(dims(), value);
+                let options = BuildOptions { threshold, ..BuildOptions::default() };
+                let (report, _) = clean_and_build(&mut volume, &clean, &options, &path, &Silent).unwrap();
+                (sections_of(&path), report)
+            };
+            let (found, report) = built(&|p| shells(p, map, 0.0), Threshold::Otsu);
+            let (mask, _) = built(&|p| u8::from(shells(p, map, 0.0) > 0), Threshold::Iso(0.5));
+            assert_eq!(found, mask, "{map:?} {factor}");
+            assert!(matches!(report.notes[..], [BuildNote::Labels { count }] if count == map.len()));
+            assert_eq!((report.selection.kind, report.selection.lo), (SelectionKind::Iso, 0.5));
         }
     }
 }
