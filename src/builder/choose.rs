@@ -116,8 +116,15 @@ impl Chooser<'_> {
         let (threads, _memory) = self.reserve_histogram()?;
         match histogram::otsu(self.source, threads, self.progress)? {
             Some(split) => Ok(self.of_split(split)),
-            None => Err(self.empty(Criterion::Split)),
+            None => self.of_number_in_nan(threads)?.ok_or_else(|| self.empty(Criterion::Split)),
         }
+    }
+
+    /// The selection of a mask of one number, with NaN outside.
+    fn of_number_in_nan(&self, threads: usize) -> Result<Option<(Selection, Option<BuildNote>)>, BuildError> {
+        let number = histogram::number_in_nan(self.source, threads, self.progress)?;
+        let lo = number.map(|number| self.source.info().rescale.apply(number));
+        Ok(lo.map(|lo| (Selection { kind: SelectionKind::Iso, lo, hi: f64::INFINITY }, None)))
     }
 
     /// One half, for averages of a mask of labels.
@@ -189,7 +196,8 @@ impl Chooser<'_> {
         let bins = Bins::new(self.source.info().scalar, extremes);
         let seen = extremes.or_else(|| tally.ends(bins));
         let Some(split) = tally.split(bins, self.source) else {
-            return Err(self.nothing(Criterion::Split, seen));
+            let (threads, _memory) = self.reserve_histogram()?;
+            return self.of_number_in_nan(threads)?.ok_or_else(|| self.nothing(Criterion::Split, seen));
         };
         Ok(self.of_split(split))
     }

@@ -5,7 +5,7 @@
 //! ([`Evidence`]).
 
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::error::BuildError;
 use super::evidence::{
@@ -67,6 +67,39 @@ fn widen<T: Ordered>(seen: &mut (f64, f64), samples: &[u8]) {
             *seen = (seen.0.min(v), seen.1.max(v));
         }
     }
+}
+
+/// The only number of a volume whose other samples are NaN, unless it is 0: a mask.
+pub(super) fn number_in_nan(
+    source: &dyn VolumeSource,
+    threads: usize,
+    progress: &dyn Progress,
+) -> Result<Option<f64>, BuildError> {
+    let scalar = source.info().scalar;
+    let may_be_nan = matches!(scalar, ScalarType::F32 | ScalarType::F64);
+    let seen = if may_be_nan { extremes(source, Share::ALL, threads, progress)? } else { None };
+    let Some((number, _)) = seen.filter(|(least, most)| least == most && *least != 0.0) else {
+        return Ok(None);
+    };
+    let has_nan = by_type!(scalar, T => has_nan::<T> as fn(&[u8]) -> bool);
+    let found = AtomicBool::new(false);
+    let read = (threads, EXTREMES_READ_BYTES);
+    for_each_part(
+        source,
+        Share::ALL,
+        read,
+        progress,
+        &|| false,
+        &|own, _, all| *own |= has_nan(all),
+        &|own| {
+            found.fetch_or(own, Ordering::Relaxed);
+        },
+    )?;
+    Ok(found.into_inner().then_some(number))
+}
+
+fn has_nan<T: Ordered>(samples: &[u8]) -> bool {
+    bytemuck::cast_slice::<u8, T>(samples).iter().any(|sample| sample.to_f64().is_nan())
 }
 
 /// Result of a histogram.

@@ -304,8 +304,17 @@ fn padding_and_labels_are_recognised_by_all_parts_together() {
     let job = Job::new(dims, ScalarType::I16, &["--surface", "cells", "--range", "2..4"]);
     fs::write(job.path("v.raw"), &labels).unwrap();
     assert!(job.all(&job.plan(6)) == job.whole());
-    for (bytes, word) in [(padded, "-3024"), (labels, "label")] {
-        let job = Job::new(dims, ScalarType::I16, &["--surface", "cells"]);
+    let numbers = labels.as_chunks::<2>().0.iter().map(|b| if *b == [0; 2] { f32::NAN } else { 1.0 });
+    let nan = numbers.flat_map(f32::to_le_bytes).collect();
+    let (whole, half) = (["--surface", "cells"], ["--surface", "cells", "--downsample", "2"]);
+    let cases: [(_, _, &[&str], _); 4] = [
+        (padded, ScalarType::I16, &whole, "-3024"),
+        (labels.clone(), ScalarType::I16, &whole, "label"),
+        (labels, ScalarType::I16, &half, "label"),
+        (nan, ScalarType::F32, &whole, ""),
+    ];
+    for (bytes, scalar, how, word) in cases {
+        let job = Job::new(dims, scalar, how);
         fs::write(job.path("v.raw"), bytes).unwrap();
         let whole = job.whole();
         let plan = job.plan(6);

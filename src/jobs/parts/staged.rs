@@ -281,8 +281,9 @@ pub fn merge_stage(plan: &Plan, stage: Stage, input: &PartsInput<'_>) -> Result<
     let started = Instant::now();
     let (id, folder) = (plan.part(0)?, plan.folder());
     let (mut opened, extremes) = open(plan, stage, &id, input)?;
-    if stage == Stage::Histogram && input.job.clean.downsample.is_some() {
-        // Averages of labels have a threshold of their own, and values tell whether there are any.
+    let is_one_number = extremes.is_some_and(|(least, most)| least == most);
+    if stage == Stage::Histogram && (is_one_number || input.job.clean.downsample.is_some()) {
+        // A number in NaN is a mask, and averages of labels have a threshold of their own: the values tell.
         input.prepare(&mut opened, &stage.whole_path(&id, folder))?;
     }
     let Some(source) = opened.volume() else { return Err(refused(&plan.path, PartFault::OtherPlan)) };

@@ -294,6 +294,26 @@ fn averages_of_labels_are_those_of_their_mask() {
     }
 }
 
+#[test]
+fn one_number_in_nan_is_a_mask() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let built = |value: &dyn Fn(bool) -> f32, threshold| {
+        let volume = Voxels::from_fn(dims(), |p| value(from_middle(p) < 20.0));
+        let options = BuildOptions { threshold, ..BuildOptions::default() };
+        build_volume(&volume, &options, &path, &Silent).map(|report| (sections_of(&path), report.notes))
+    };
+    let (mask, _) = built(&|inside| f32::from(u8::from(inside)), Threshold::Otsu).unwrap();
+    for number in [1.0, 255.0, -3.0] {
+        let (found, notes) =
+            built(&|inside| if inside { number } else { f32::NAN }, Threshold::Otsu).unwrap();
+        assert!(found == mask && notes == [BuildNote::NotNumbers], "{number} {notes:?}");
+    }
+    // One number alone, or 0, is not a mask.
+    assert!(built(&|_| 1.0, Threshold::Otsu).is_err());
+    assert!(built(&|inside| if inside { 0.0 } else { f32::NAN }, Threshold::Otsu).is_err());
+}
+
 /// A head with a bright skull in noise, as air, tissue and bone.
 #[expect(clippy::cast_possible_truncation, reason = "below 2^11")]
 fn head(p: [u32; 3], noise: f64) -> f64 {
