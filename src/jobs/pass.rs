@@ -176,12 +176,9 @@ impl<'a> Records<'a> {
         rewound.map_err(unwritable(self.folder))?;
         let mut file = BufReader::new(self.values.get_ref());
         Ok(std::iter::repeat_with(move || {
-            let (mut values, mut bytes) = ([0.0; N], [0; 8]);
-            for value in &mut values {
-                file.read_exact(&mut bytes)?;
-                *value = f64::from_le_bytes(bytes);
-            }
-            Ok(values)
+            let mut bytes = [[0; 8]; N];
+            file.read_exact(bytes.as_flattened_mut())?;
+            Ok(bytes.map(f64::from_le_bytes))
         }))
     }
 

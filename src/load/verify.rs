@@ -301,7 +301,7 @@ fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Faul
             (channel, item_bytes, per_depth(source, frame, entry, coarse))
         })
         .collect();
-    walk(source, frame, &mut |level, sums| {
+    walk(source, frame, coarse, &mut |level, sums| {
         for ((channel, item_bytes, cursors), sum) in stored.iter_mut().zip(sums) {
             let (Some(cursor), Some(means)) = (cursors.get_mut(level.index()), &channel.row().means) else {
                 continue;
@@ -352,6 +352,8 @@ struct Walk<'a, R: ReadAt + ?Sized> {
     frame: &'a Frame,
     dims: [u32; 3],
     depth: usize,
+    /// True if nodes directly above voxels are taken with their parent.
+    takes_bricks: bool,
     nodes: Vec<Cursor<'a, R>>,
     channels: Vec<ChannelReader<'a, R>>,
     leaves: Option<LeafNormals<'a, R>>,
@@ -400,17 +402,33 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
             return Err(FormatError::EmptyNode { level, node, corner }.into());
         }
         self.path[d] = OpenNode { rest, corner };
-        let sums = &mut self.sums[d * count..][..count];
-        sums.fill(Sum::default());
-        if d + 1 == self.depth && corner.iter().zip(self.dims).all(|(c, n)| c + 1 < n) {
-            // All of its voxels lie in the volume, so they are taken together.
-            self.path[d].rest = 0;
-            self.voxels += u64::from(rest.count_ones());
-            for (reader, sum) in self.channels.iter_mut().zip(sums) {
-                reader.next_few(sum, rest.count_ones() as usize)?;
-            }
+        self.sums[d * count..][..count].fill(Sum::default());
+        let edge = 1_u32 << (self.depth - d).min(2);
+        if d + 2 >= self.depth && corner.iter().zip(self.dims).all(|(c, n)| c + (edge - 1) < n) {
+            self.take_voxels(d, rest)?;
         }
         Ok(())
+    }
+
+    /// Takes the voxels of a node together, which all lie in the volume, if they are directly below it or are those of a
+    /// brick.
+    fn take_voxels(&mut self, d: usize, octants: u8) -> Result<(), Fault> {
+        let mut voxels = octants.count_ones();
+        if d + 1 < self.depth {
+            let children = voxels as usize;
+            let Some(below) = self.nodes.get_mut(d + 1).filter(|_| self.takes_bricks) else { return Ok(()) };
+            let Some(infobytes) = below.peek(children)? else { return Ok(()) };
+            if infobytes.contains(&0) {
+                return Ok(());
+            }
+            voxels = infobytes.iter().map(|infobyte| infobyte.count_ones()).sum();
+            below.skip(children);
+        }
+        self.path[d].rest = 0;
+        self.voxels += u64::from(voxels);
+        let count = self.channels.len();
+        let sums = &mut self.sums[d * count..][..count];
+        self.channels.iter_mut().zip(sums).try_for_each(|(reader, sum)| reader.next_few(sum, voxels as usize))
     }
 
     /// Leaves the finished box at depth `d` for its parent.
@@ -428,11 +446,13 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
 /// Receives the level of a node and the sums of its [`walked_channels`].
 pub(crate) type Finished<'a> = dyn FnMut(Level, &[Sum]) -> Result<(), Fault> + 'a;
 
-/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` receives the level of every node and the
-/// sums of its [`walked_channels`]; within a depth in the stored order of nodes.
+/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` receives the level of every node of the first
+/// `levels` levels, and perhaps of others, and the sums of its [`walked_channels`]; within a depth in the stored order of
+/// nodes.
 pub(crate) fn walk<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
+    levels: u32,
     finished: &mut Finished<'_>,
 ) -> Result<(), Fault> {
     let depth = frame.dims().depth() as usize;
@@ -448,6 +468,7 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
         frame,
         dims: frame.dims().to_array(),
         depth,
+        takes_bricks: levels < frame.dims().depth(),
         nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), frame.dims().depth()),
         sums: vec![Sum::default(); (depth + 1) * count],
         channels,

@@ -95,9 +95,10 @@ impl<'a> StoredVoxels<'a> {
                 self.at -= 1;
                 continue;
             }
-            let octant = Octant::low_bits(octants.trailing_zeros());
+            let high = Octant::low_bits(octants.trailing_zeros()).high();
             *octants &= octants.wrapping_sub(1);
-            let child = std::array::from_fn(|a| corner[a] + octant.high()[a]);
+            // Corners are even.
+            let child = [corner[0] | high[0], corner[1] | high[1], corner[2] | high[2]];
             if self.at >= depth.min(MAX_LEVELS) {
                 return Some(child);
             }

@@ -43,8 +43,9 @@ impl Distribution {
     /// Adds a value that stands for an area in mm2.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
     pub(crate) fn add(&mut self, value: f64, area: f64) {
-        let weight = (area * self.scale).round() as u64;
-        let at = (value.abs() / self.bin).round() as usize;
+        // Rounded half up, as neither is below 0.
+        let weight = (area * self.scale + 0.5) as u64;
+        let at = (value.abs() / self.bin + 0.5) as usize;
         self.areas[at.min(BINS - 1)] += weight;
         self.total += weight;
         for (sum, term) in self.sums.iter_mut().zip([1.0, value, value * value]) {

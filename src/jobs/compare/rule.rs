@@ -144,6 +144,7 @@ impl Measured<'_> {
     }
 
     /// The cell's row but for its deviation, and its normal in the world.
+    #[inline(always)]
     pub(super) fn row(&self, number: u64, cell: [u32; 3], placement: &Affine) -> (Row, [f64; 3]) {
         let Surface { space, .. } = self.surface;
         let sample = self.surface.sample(self.surface.cell_place(number, cell));
@@ -158,6 +159,7 @@ impl Measured<'_> {
 impl Rule {
     /// The nearest point of the other surface within the radius, and its distance as a [`Row`] has it, with true if none
     /// is known.
+    #[inline(always)]
     pub(super) fn nearest(
         &self,
         search: &mut Search<'_>,
@@ -194,25 +196,25 @@ impl Rule {
     /// turned away it is no counterpart, and the nearest one that is not is asked for. Its own normal says the sign if the
     /// way to it runs along it: on the far side of a wall that was moved by more than its thickness the solid's side would
     /// be the wrong one.
+    #[inline(always)]
     fn deviation(
         &self,
         search: &mut Search<'_>,
         (point, normal): ([f64; 3], [f64; 3]),
-        found: Found,
-    ) -> Option<(f64, Found)> {
+        found: &Found,
+    ) -> Option<(f64, OctreeBox)> {
         let facing = Query { facing: Some((normal, self.cosine)), ..Query::within(self.radius_mm) };
-        let (found, is_turned) = match facing.accepts(found.normal) {
-            true => (found, false),
-            false => (search.nearest(point, &facing)?, true),
-        };
+        let is_turned = !facing.accepts(found.normal);
+        let turned = if is_turned { Some(search.nearest(point, &facing)?) } else { None };
+        let found = turned.as_ref().unwrap_or(found);
         if search.surface.is_border(found.point) {
             return None;
         }
         let signed = match found.along() {
             Some(signed) if is_turned => signed,
-            _ => search.signed(point, &found),
+            _ => search.signed(point, found),
         };
-        Some((signed, found))
+        Some((signed, found.place))
     }
 
     /// Measures the cell of a row that holds its number and index.
@@ -232,13 +234,15 @@ impl Rule {
         let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
         let (nearest, distance) = self.nearest(search, place.0);
         (row.distance, row.is_unknown) = distance;
-        let Some((value, found)) = nearest.and_then(|found| self.deviation(search, place, found)) else {
+        let Some((value, others_place)) =
+            nearest.as_ref().and_then(|found| self.deviation(search, place, found))
+        else {
             return;
         };
         row.value = Some(value);
         let own_place = one.surface.cell_place(row.number, row.cell);
         let (own, is_own_edge) = one.doubt.squares_mm2(&one.surface, own_place, value);
-        let (others, is_edge) = other.doubt.squares_mm2(&other.surface, found.place, value);
+        let (others, is_edge) = other.doubt.squares_mm2(&other.surface, others_place, value);
         row.squares = own.zip(others).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
         row.is_edge = is_own_edge || is_edge;
     }

@@ -336,7 +336,7 @@ pub(super) fn rebuild_means<R: ReadAt + ?Sized>(source: &R, mapped: &Frame, out:
             (channel, usize::from(entry.item_bytes), levels.collect())
         })
         .collect();
-    walk(source, mapped, &mut |level, sums| {
+    walk(source, mapped, coarse, &mut |level, sums| {
         for ((channel, item, levels), sum) in writers.iter_mut().zip(sums) {
             if let (Some(writer), Some(means)) = (levels.get_mut(level.index()), &channel.row().means) {
                 writer.write(means.rule.mean(sum).get(..*item).unwrap_or_default())?;

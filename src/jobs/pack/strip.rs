@@ -208,7 +208,7 @@ fn coarsen<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, left: &Fra
             Some((channel, usize::from(entry.item_bytes), writer))
         })
         .collect();
-    walk(source, frame, &mut |level, sums| {
+    walk(source, frame, finest + 1, &mut |level, sums| {
         if level != Level::new(finest) {
             return Ok(());
         }

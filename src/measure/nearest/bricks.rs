@@ -85,6 +85,7 @@ impl Brick {
     };
 
     /// Finds the cells of a brick, which may have none.
+    #[inline(never)]
     fn fill(&mut self, surface: &Surface<'_>, way: &mut NodePath<'_>, at: [u32; 3]) {
         (self.at, self.cells, self.decoded) = (at, 0, 0);
         self.facets.clear();
@@ -99,6 +100,17 @@ impl Brick {
         self.first = surface.view.first_child(below).get();
         way.pages.read(1, below.get());
         way.pages.read(0, self.first);
+    }
+
+    /// Decodes cells that are not decoded yet, before any is asked for: each waits for its own division and root, but not for
+    /// the others.
+    #[inline]
+    fn decode_all(&mut self, surface: &Surface<'_>, cells: u64) {
+        let mut missing = cells & !self.decoded;
+        while missing != 0 {
+            self.decode(surface, missing.trailing_zeros());
+            missing &= missing - 1;
+        }
     }
 
     /// Decodes a cell that is there.
@@ -119,28 +131,44 @@ impl Brick {
         let low = std::array::from_fn(|a| self.at[a] << LEVELS | (v >> a & 1) | (v >> (a + 3) & 1) << 1);
         OctreeBox { number: BoxIndex::new(self.first + u64::from(before)), low, level: 0 }
     }
-
-    /// A cell that is there.
-    #[inline]
-    fn kept(&mut self, surface: &Surface<'_>, v: u32) -> Kept<'_> {
-        if self.decoded >> v & 1 == 0 {
-            self.decode(surface, v);
-        }
-        let Place { before, has_corners, start, end } = self.places[v as usize & 63];
-        Kept {
-            place: self.place(v, before),
-            has_corners,
-            facets: self.facets.get(usize::from(start)..usize::from(end)).unwrap_or_default(),
-        }
-    }
 }
 
-/// A cell of a brick that is kept, with its facets.
+/// A cell of a brick that is kept.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kept<'b> {
-    pub(super) place: OctreeBox,
-    pub(super) has_corners: bool,
-    pub(super) facets: &'b [(u8, Facet)],
+    brick: &'b Brick,
+    v: u32,
+}
+
+impl<'b> Kept<'b> {
+    fn decoded(self) -> Place {
+        self.brick.places[self.v as usize & 63]
+    }
+
+    #[inline]
+    pub(super) fn number(self) -> BoxIndex {
+        BoxIndex::new(self.brick.first + u64::from(self.decoded().before))
+    }
+
+    #[inline]
+    pub(super) fn place(self) -> OctreeBox {
+        self.brick.place(self.v, self.decoded().before)
+    }
+
+    #[inline]
+    pub(super) fn facets(self) -> &'b [(u8, Facet)] {
+        let Place { start, end, .. } = self.decoded();
+        self.brick.facets.get(usize::from(start)..usize::from(end)).unwrap_or_default()
+    }
+
+    /// The only facet of a cell without corners.
+    #[inline]
+    pub(super) fn plane(self) -> Option<&'b Facet> {
+        match self.facets() {
+            [(_, facet)] if !self.decoded().has_corners => Some(facet),
+            _ => None,
+        }
+    }
 }
 
 /// The bricks of a surface that were asked for last.
@@ -150,7 +178,7 @@ pub(super) struct Kept<'b> {
 pub(super) struct Bricks(Vec<Brick>);
 
 impl Bricks {
-    #[inline]
+    #[inline(always)]
     fn brick(&mut self, surface: &Surface<'_>, way: &mut NodePath<'_>, at: [u32; 3]) -> &mut Brick {
         let slot = (at[0] & 3 | (at[1] & 3) << 2 | (at[2] & 3) << 4) as usize;
         if self.0.is_empty() {
@@ -173,7 +201,8 @@ impl Bricks {
     ) -> Option<Kept<'_>> {
         let brick = self.brick(surface, way, cell.map(|c| c >> LEVELS));
         let v = place_in(cell);
-        (brick.cells >> v & 1 == 1).then(|| brick.kept(surface, v))
+        brick.decode_all(surface, brick.cells & 1 << v);
+        (brick.cells >> v & 1 == 1).then_some(Kept { brick, v })
     }
 
     /// Hands over the cells of a range.
@@ -191,10 +220,10 @@ impl Bricks {
                 for x in first[0]..=last[0] {
                     let brick = self.brick(surface, way, [x, y, z]);
                     let mut rest = brick.cells & within(brick.at, range);
+                    brick.decode_all(surface, rest);
                     while rest != 0 {
-                        let v = rest.trailing_zeros();
+                        each(Kept { brick, v: rest.trailing_zeros() });
                         rest &= rest - 1;
-                        each(brick.kept(surface, v));
                     }
                 }
             }

@@ -17,35 +17,58 @@ pub(crate) struct Facet {
     offset: f64,
 }
 
+/// A point relative to a facet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Relative {
+    /// From the middle of its box.
+    from: [f64; 3],
+    /// Height over the facet's plane.
+    pub(super) height: f64,
+}
+
 impl Facet {
-    /// The plane `normal . u = offset` of a box's own coordinates, -1 to 1.
+    /// The plane `normal . u = offset` of a box's own coordinates, -1 to 1; the box has a middle and half edges, and these
+    /// many of the latter lie in a mm.
     #[inline]
-    pub(super) fn new(middle: [f64; 3], half: [f64; 3], normal: [i32; 3], offset: f64) -> Self {
-        let across: [f64; 3] = std::array::from_fn(|a| f64::from(normal[a]) / half[a]);
+    pub(super) fn new(
+        middle: [f64; 3],
+        [half, per_mm]: [[f64; 3]; 2],
+        normal: [i32; 3],
+        offset: f64,
+    ) -> Self {
+        let across: [f64; 3] = std::array::from_fn(|a| f64::from(normal[a]) * per_mm[a]);
         let scale = 1.0 / dot(across, across).sqrt();
         Self { middle, half, normal: across.map(|c| c * scale), offset: offset * scale }
+    }
+
+    /// A point relative to the facet.
+    #[inline]
+    pub(super) fn relative(&self, point: [f64; 3]) -> Relative {
+        let from = minus(point, self.middle);
+        Relative { from, height: dot(self.normal, from) - self.offset }
     }
 
     /// Height of a point over the plane.
     #[inline]
     pub(super) fn height(&self, point: [f64; 3]) -> f64 {
-        dot(self.normal, minus(point, self.middle)) - self.offset
+        self.relative(point).height
     }
 
     /// False only if a point's squared distance is more than `most`: the facet lies within its box, and within a disc around
     /// the foot of the box's middle.
     #[inline]
-    pub(super) fn may_reach(&self, point: [f64; 3], most: f64) -> bool {
-        let from = minus(point, self.middle);
-        let height = dot(self.normal, from) - self.offset;
-        let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
-        if dot(over, over).max(height * height) > most {
+    pub(super) fn may_reach(&self, Relative { from, height }: Relative, most: f64) -> bool {
+        let over: [f64; 3] = std::array::from_fn(|a| positive(from[a].abs() - self.half[a]));
+        if dot(over, over) > most || height * height > most {
             return false;
         }
         let across = add_scaled(from, -(height + self.offset), self.normal);
         let (across, radius) =
-            (dot(across, across), (dot(self.half, self.half) - self.offset * self.offset).max(0.0));
-        across <= radius || height * height + (across.sqrt() - radius.sqrt()).powi(2) <= most
+            (dot(across, across), positive(dot(self.half, self.half) - self.offset * self.offset));
+        // Beyond the disc, without roots: sqrt(across) - sqrt(radius) is the distance along the plane.
+        let left = most - height * height;
+        let beyond = across - radius - left;
+        beyond <= 0.0 || beyond * beyond <= 4.0 * left * radius
     }
 
     /// The nearest point of the facet, and its squared distance.
@@ -53,32 +76,34 @@ impl Facet {
     /// Among points `x` of the box with `m . x = k` the nearest to `p` is `clamp(p - l m)` for some `l`, and `m . x(l)` falls
     /// with `l`, in straight pieces between the six places where a coordinate meets a side of the box.
     #[inline]
-    pub(super) fn nearest(&self, point: [f64; 3]) -> (f64, [f64; 3]) {
-        let from = minus(point, self.middle);
-        let height = dot(self.normal, from) - self.offset;
+    pub(super) fn nearest(&self, Relative { from, height }: Relative) -> (f64, [f64; 3]) {
         let foot = add_scaled(from, -height, self.normal);
         if (0..3).all(|a| foot[a].abs() <= self.half[a]) {
             return (height * height, add_scaled(self.middle, 1.0, foot));
         }
         let held = |l: f64| -> [f64; 3] {
-            std::array::from_fn(|a| (from[a] - l * self.normal[a]).clamp(-self.half[a], self.half[a]))
+            std::array::from_fn(|a| clamped(from[a] - l * self.normal[a], self.half[a]))
         };
-        let over = |l: f64| dot(self.normal, held(l)) - self.offset;
+        // Two kinks an axis, NaN or infinite along the plane, and their heights, NaN there.
+        let (mut kinks, mut heights) = ([0.0; 6], [0.0; 6]);
+        for a in 0..3 {
+            kinks[a] = (from[a] + self.half[a]) / self.normal[a];
+            kinks[a + 3] = (from[a] - self.half[a]) / self.normal[a];
+        }
+        for a in 0..3 {
+            for (l, height) in kinks.iter().zip(&mut heights) {
+                *height += self.normal[a] * clamped(from[a] - l * self.normal[a], self.half[a]);
+            }
+        }
         // The last kink over the plane and the first one below it.
         let (mut last, mut first) = ((f64::NEG_INFINITY, 0.0), (f64::INFINITY, 0.0));
-        for ((from, normal), half) in from.into_iter().zip(self.normal).zip(self.half) {
-            if normal == 0.0 {
-                continue;
+        for (l, height) in kinks.into_iter().zip(heights) {
+            let at = height - self.offset;
+            if at >= 0.0 && l > last.0 {
+                last = (l, at);
             }
-            for side in [-half, half] {
-                let l = (from - side) / normal;
-                let at = over(l);
-                if at >= 0.0 && l > last.0 {
-                    last = (l, at);
-                }
-                if at <= 0.0 && l < first.0 {
-                    first = (l, at);
-                }
+            if at <= 0.0 && l < first.0 {
+                first = (l, at);
             }
         }
         let l = if last.0 == f64::NEG_INFINITY {
@@ -146,10 +171,16 @@ impl Facet {
 
     /// The place on the plane with these coordinates along the first two axes.
     fn lifted(&self, at: [f64; 2], [u, v, w]: [usize; 3]) -> [f64; 3] {
-        let rise = (self.offset - self.normal[u] * at[0] - self.normal[v] * at[1]) / self.normal[w];
+        self.lifted_by(at, [u, v, w], 1.0 / self.normal[w])
+    }
+
+    /// The same with the reciprocal of the normal's third component.
+    #[inline]
+    fn lifted_by(&self, at: [f64; 2], [u, v, w]: [usize; 3], steepness: f64) -> [f64; 3] {
+        let rise = (self.offset - self.normal[u] * at[0] - self.normal[v] * at[1]) * steepness;
         let mut place = self.middle;
         (place[u], place[v]) = (place[u] + at[0], place[v] + at[1]);
-        place[w] += rise.clamp(-self.half[w], self.half[w]);
+        place[w] += clamped(rise, self.half[w]);
         place
     }
 
@@ -160,21 +191,25 @@ impl Facet {
     }
 
     /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn section(&self) -> (f64, [f64; 3]) {
         let axes @ [u, v, w] = self.axes();
         // Rise of the plane across the box along the two axes, and the heights over its lowest corner of the two lines.
         let [rise, other] = [u, v].map(|a| 2.0 * self.normal[a].abs() * self.half[a]);
         let (sum, reach) = (rise + other, self.normal[w].abs() * self.half[w]);
-        let [low, high] = [-reach, reach].map(|r| (self.offset + sum / 2.0 + r).clamp(0.0, sum));
-        let steepness = 1.0 / self.normal[w].abs();
+        let [low, high] = [-reach, reach].map(|r| {
+            let line = positive(self.offset + sum / 2.0 + r);
+            if line > sum { sum } else { line }
+        });
+        let steepness = 1.0 / self.normal[w];
+        let face = 4.0 * self.half[u] * self.half[v] * steepness.abs();
         if high - low == sum && self.offset.abs() <= reach * (1.0 + 1e-12) {
-            return (4.0 * self.half[u] * self.half[v] * steepness, self.lifted([0.0; 2], axes));
+            return (face, self.lifted_by([0.0; 2], axes, steepness));
         }
         // Area and moments below a line, in units of rise: of the triangle at the lowest corner, without those beyond the
         // two sides.
         let below = |line: f64| {
-            let [all, across, along] = [line, line - rise, line - other].map(|t: f64| t.max(0.0));
+            let [all, across, along] = [line, line - rise, line - other].map(positive);
             let [two, two_across, two_along] = [all, across, along].map(|t| t * t / 2.0);
             let cubes = (all * two - across * two_across - along * two_along) / 3.0;
             [two - two_across - two_along, cubes - rise * two_across, cubes - other * two_along]
@@ -185,12 +220,15 @@ impl Facet {
         if least < ROUNDED * most || area < ROUNDED * whole {
             return self.section_by_corners(axes);
         }
-        let at = |a: usize, moment: f64, rise: f64| {
-            let at = self.half[a] * (2.0 * moment / (area * rise) - 1.0);
+        let reciprocal = 1.0 / (area * whole);
+        // Part of the way along an axis, 0 to 2.
+        let at = |a: usize, part: f64| {
+            let at = self.half[a] * (part - 1.0);
             if self.normal[a] < 0.0 { -at } else { at }
         };
-        let centroid = [at(u, first, rise), at(v, second, other)];
-        (4.0 * self.half[u] * self.half[v] * (area / whole) * steepness, self.lifted(centroid, axes))
+        let centroid =
+            [(u, first * other), (v, second * rise)].map(|(a, part)| at(a, 2.0 * part * reciprocal));
+        (face * (area * area * reciprocal), self.lifted_by(centroid, axes, steepness))
     }
 
     /// The same from the corners: for slivers and planes along an axis.
@@ -208,11 +246,24 @@ impl Facet {
             last = next;
         });
         let Some(origin) = first.filter(|_| twice > 0.0) else {
-            return (0.0, self.nearest(self.middle).1);
+            return (0.0, self.nearest(self.relative(self.middle)).1);
         };
         let at = [0, 1].map(|k| origin[k] + sum[k] / (3.0 * twice));
         (twice / 2.0 / self.normal[axes[2]].abs(), self.lifted(at, axes))
     }
+}
+
+/// A number, or 0 in place of a negative one.
+#[inline]
+fn positive(number: f64) -> f64 {
+    if number > 0.0 { number } else { 0.0 }
+}
+
+/// A number no farther from 0 than `most`; NaN stays NaN.
+#[inline]
+fn clamped(number: f64, most: f64) -> f64 {
+    let number = if number < -most { -most } else { number };
+    if number > most { most } else { number }
 }
 
 #[inline]

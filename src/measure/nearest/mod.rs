@@ -120,25 +120,51 @@ impl<'a> Surface<'a> {
         (std::array::from_fn(|a| (f64::from(low[a]) + half) * spacing[a]), spacing.map(|s| half * s))
     }
 
+    /// The plane in a box.
+    #[inline]
+    fn facet(&self, low: [u32; 3], level: u32, normal: [i32; 3], offset: f64) -> Facet {
+        let (middle, half) = self.middle(low, level);
+        let halves = 2.0 / f64::from(1_u32 << level);
+        Facet::new(middle, [half, self.space.per_mm.map(|c| halves * c)], normal, offset)
+    }
+
     /// The surface in a cell or a larger leaf, facet by facet with the number of its part.
     #[inline]
     pub(crate) fn facets(&self, place: OctreeBox, mut each: impl FnMut(u8, Facet)) {
-        let (middle, half) = self.middle(place.low, place.level);
-        if place.level > 0 {
-            let plane = self.view.leaf_plane(place.number.node());
-            return each(0, Facet::new(middle, half, plane.normal, f64::from(plane.offset)));
-        }
-        match self.cells.shape(self.cell(place.number)) {
+        let OctreeBox { low, level, .. } = place;
+        match self.shape(place) {
             CellShape::Plane(plane) => {
-                each(0, Facet::new(middle, half, plane.normal, f64::from(plane.offset)));
+                each(0, self.facet(low, level, plane.normal, f64::from(plane.offset)));
             }
-            CellShape::Corners(corners) => octants(&corners, middle, half, each),
+            CellShape::Corners(corners) => {
+                let (middle, half) = self.middle(low, level);
+                octants(&corners, middle, [half, self.space.per_mm.map(|c| 2.0 * c)], each);
+            }
+        }
+    }
+
+    /// The surface in a cell or a larger leaf.
+    #[inline]
+    fn shape(&self, OctreeBox { number, level, .. }: OctreeBox) -> CellShape {
+        match level {
+            0 => self.cells.shape(self.cell(number)),
+            _ => CellShape::Plane(self.view.leaf_plane(number.node())),
         }
     }
 
     /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all;
     /// the middle of a cell without any.
+    #[inline(always)]
     pub(crate) fn sample(&self, place: OctreeBox) -> Sample {
+        let CellShape::Plane(plane) = self.shape(place) else { return self.largest(place) };
+        let facet = self.facet(place.low, place.level, plane.normal, f64::from(plane.offset));
+        let (area, point) = facet.section();
+        Sample { point, normal: facet.normal, area }
+    }
+
+    /// The same of a cell with corners.
+    #[inline(never)]
+    fn largest(&self, place: OctreeBox) -> Sample {
         let (mut sample, mut largest) = (Sample::default(), -1.0);
         self.facets(place, |_, facet| {
             let (area, point) = facet.section();
@@ -181,32 +207,31 @@ impl<'a> Surface<'a> {
 /// The facets of a cell with corners.
 #[inline(never)]
 #[expect(clippy::cast_possible_truncation, reason = "numbers of corners")]
-fn octants(corners: &[i8; CORNERS], middle: [f64; 3], half: [f64; 3], mut each: impl FnMut(u8, Facet)) {
-    let small = half.map(|h| h / 2.0);
-    // Eight times the values at places of half an edge along z, y and x.
-    let between = |a: i32, b: i32| [2 * a, a + b, 2 * b];
-    let along = |c: usize| between(i32::from(corners[c]), i32::from(corners[c + 1]));
-    let rows = [0, 4].map(|c| {
-        let [near, far] = [along(c), along(c + 2)];
-        let columns = [0, 1, 2].map(|x| between(near[x], far[x]));
-        [0, 1, 2].map(|y| [0, 1, 2].map(|x: usize| columns[x][y]))
-    });
-    let layers = [0, 1, 2].map(|y: usize| [0, 1, 2].map(|x: usize| between(rows[0][y][x], rows[1][y][x])));
-    let values = [0, 1, 2].map(|z: usize| layers.map(|row| row.map(|column| column[z])));
+fn octants(
+    corners: &[i8; CORNERS],
+    middle: [f64; 3],
+    [half, per_mm]: [[f64; 3]; 2],
+    mut each: impl FnMut(u8, Facet),
+) {
+    let (small, per_mm) = (half.map(|h| h / 2.0), per_mm.map(|c| 2.0 * c));
+    // Of the values at two corners and midway: the sums of the low two and of the high two, and what both fall by.
+    let along = |a: i32, b: i32| [3 * a + b, a + 3 * b, a - b];
+    let mut sums = [[[0; 3]; 3]; 3];
+    let rows = [0, 2, 4, 6].map(|c: usize| along(i32::from(corners[c]), i32::from(corners[c + 1])));
+    for x in 0..3 {
+        let [near, far] = [0, 2].map(|r| along(rows[r][x], rows[r + 1][x]));
+        for y in 0..3 {
+            sums[x][y] = along(near[y], far[y]);
+        }
+    }
     for octant in 0..CORNERS as u8 {
-        let value = |corner: usize| {
-            let at: [usize; 3] = std::array::from_fn(|a| usize::from(octant >> a & 1) + (corner >> a & 1));
-            values[at[2]][at[1]][at[0]]
-        };
-        let values: [i32; CORNERS] = std::array::from_fn(value);
-        let mean: i32 = values.iter().sum();
-        let falls: [i32; 3] = std::array::from_fn(|a| {
-            (0..CORNERS).map(|c| if c >> a & 1 == 1 { -values[c] } else { values[c] }).sum()
-        });
-        if mean.abs() < falls.iter().map(|f| f.abs()).sum() {
+        let [x, y, z] = [0, 1, 2].map(|a| usize::from(octant >> a & 1));
+        // Sums over the eight corners of the octant.
+        let (total, falls) = (sums[x][y][z], [sums[2][y][z], sums[x][2][z], sums[x][y][2]]);
+        if total.abs() < falls.iter().map(|f| f.abs()).sum() {
             let at =
                 std::array::from_fn(|a| middle[a] + if octant >> a & 1 == 1 { small[a] } else { -small[a] });
-            each(octant, Facet::new(at, small, falls, f64::from(mean)));
+            each(octant, Facet::new(at, [small, per_mm], falls, f64::from(total)));
         }
     }
 }

@@ -47,15 +47,14 @@ impl Search<'_> {
     /// The side of a point of the frame whose nearest point is known.
     pub(crate) fn side(&mut self, point: [f64; 3], found: &Found) -> Side {
         let surface = self.surface;
-        let distance = found.distance();
-        if distance < ON * surface.space.finest {
+        if found.square < (ON * surface.space.finest).powi(2) {
             return Side::On;
         }
         let Some(cell) = surface.cell_at(point) else { return Side::Outside };
         if let Some(is_behind) = self.behind_own(cell, point) {
             return Side::of(is_behind);
         }
-        if found.height.abs() > ALONG * distance && !surface.has_corners(found.place) {
+        if found.height.abs() > ALONG * found.distance() && !surface.has_corners(found.place) {
             return Side::of(found.height < 0.0);
         }
         let root = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };

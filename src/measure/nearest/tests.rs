@@ -51,7 +51,7 @@ fn brute(surface: &Surface<'_>, point: [f64; 3], query: &Query<'_>) -> Option<Fo
     while let Some(place) = waiting.pop() {
         if place.level == 0 || surface.is_leaf(place) {
             surface.facets(place, |part, facet| {
-                let (square, at) = facet.nearest(point);
+                let (square, at) = facet.nearest(facet.relative(point));
                 let key = (square, place.number, part);
                 let is_facing = query.facing.is_none_or(|(d, least)| dot3(d, facet.normal) >= least - 1e-9);
                 let is_better = best.is_none_or(|b| key < (b.square, b.place.number, b.part));
@@ -125,6 +125,10 @@ fn sides_are_those_of_the_body() {
     }
 }
 
+fn facet_in(middle: [f64; 3], half: [f64; 3], normal: [i32; 3], offset: f64) -> Facet {
+    Facet::new(middle, [half, half.map(|h| 1.0 / h)], normal, offset)
+}
+
 #[test]
 fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
     let mut random = Random(5);
@@ -132,13 +136,13 @@ fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
         let half = [0.5, 0.7, 0.5 + 2.0 * random.unit()];
         let normal = crate::format::normal::decode_l1(u16::try_from(random.below(65535)).unwrap());
         let offset = [-127.0, 127.0, 0.0, 60.0, -126.0][round % 5];
-        let facet = Facet::new([3.0, -2.0, 9.0], half, normal, offset);
+        let facet = facet_in([3.0, -2.0, 9.0], half, normal, offset);
         let point = [3.0, -2.0, 9.0].map(|c| c + random.unit() * 8.0 - 4.0);
-        let (square, at) = facet.nearest(point);
+        let (square, at) = facet.nearest(facet.relative(point));
         let is_within = |p: [f64; 3]| (0..3).all(|a| (p[a] - facet.middle[a]).abs() <= half[a] + 1e-12);
         assert!(facet.height(at).abs() < 1e-12 && is_within(at), "{facet:?} {at:?}");
-        assert!(facet.may_reach(point, square * (1.0 + 1e-12) + 1e-12));
-        assert!(!facet.may_reach(point, facet.height(point).powi(2) * (1.0 - 1e-9) - 1e-12));
+        assert!(facet.may_reach(facet.relative(point), square * (1.0 + 1e-12) + 1e-12));
+        assert!(!facet.may_reach(facet.relative(point), facet.height(point).powi(2) * (1.0 - 1e-9) - 1e-12));
         // Points of the facet: places of the box drawn onto the plane.
         for _ in 0..200 {
             let any: [f64; 3] =
@@ -158,9 +162,42 @@ fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
         ([63, 64, 0], 0.0, f64::hypot(1.0, 63.0 / 64.0)),
         ([42, 42, 43], 127.0, 0.0),
     ] {
-        let (area, _) = Facet::new([0.5; 3], [0.5; 3], normal, offset).section();
+        let (area, _) = facet_in([0.5; 3], [0.5; 3], normal, offset).section();
         assert!((area - due).abs() < 1e-9, "{normal:?}: {area}");
     }
+}
+
+#[test]
+fn facets_of_octants_fit_the_interpolated_values() {
+    let mut random = Random(11);
+    let mut met = 0;
+    for _ in 0..500 {
+        let corners: [i8; CORNERS] =
+            std::array::from_fn(|_| i8::try_from(random.below(255)).map_or(127, |c| c - 127));
+        let value = |at: [f64; 3]| {
+            let weight = |c: usize, a: usize| if c >> a & 1 == 1 { at[a] } else { 1.0 - at[a] };
+            (0..CORNERS)
+                .map(|c| weight(c, 0) * weight(c, 1) * weight(c, 2) * f64::from(corners[c]))
+                .sum::<f64>()
+        };
+        octants(&corners, [0.5; 3], [[0.5; 3], [2.0; 3]], |octant, facet| {
+            // The mean at the middle, the falls between means of opposite faces.
+            let low: [f64; 3] = std::array::from_fn(|a| f64::from(octant >> a & 1) / 2.0);
+            let near = |c: usize| std::array::from_fn(|a| low[a] + if c >> a & 1 == 1 { 0.5 } else { 0.0 });
+            let values: [f64; CORNERS] = std::array::from_fn(|c| value(near(c)));
+            let falls: [f64; 3] = std::array::from_fn(|a| {
+                (0..CORNERS).map(|c| if c >> a & 1 == 1 { -values[c] } else { values[c] }).sum()
+            });
+            let length = dot3(falls, falls).sqrt();
+            let off = facet::minus(falls.map(|f| f / length), facet.normal);
+            // A unit of the octant is a quarter of the cell's edge.
+            let offset = values.iter().sum::<f64>() / length / 4.0;
+            let height = facet.height(low.map(|c| c + 0.25));
+            assert!(dot3(off, off) < 1e-20 && (height + offset).abs() < 1e-12, "{corners:?} {octant}");
+            met += 1;
+        });
+    }
+    assert!(met > 1000, "{met}");
 }
 
 #[test]

@@ -77,8 +77,8 @@ impl Found {
 
     /// Nearer; of those as near the one of the lower number, then part.
     #[inline]
-    fn is_before(&self, square: f64, place: OctreeBox, part: u8) -> bool {
-        (self.square, self.place.number, self.part) <= (square, place.number, part)
+    fn is_before(&self, square: f64, number: BoxIndex, part: u8) -> bool {
+        (self.square, self.place.number, self.part) <= (square, number, part)
     }
 }
 
@@ -93,6 +93,8 @@ pub(crate) struct Search<'a> {
     way: NodePath<'a>,
     bricks: Bricks,
     seed: Option<OctreeBox>,
+    /// The last point in a cell with a plane, and true if it lies behind that.
+    behind: Option<([f64; 3], bool)>,
     best: Best,
 }
 
@@ -111,7 +113,7 @@ impl<'a> Search<'a> {
         let finest = surface.space.finest;
         let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
         let (way, bricks) = (NodePath::new(&surface), Bricks::default());
-        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
+        Self { surface, waiting: Vec::new(), way, bricks, seed: None, behind: None, best }
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -130,7 +132,7 @@ impl<'a> Search<'a> {
         if let (None, Some(seed)) = (own, self.seed) {
             self.ask(seed, point, query);
         }
-        let asked = own.or(self.seed);
+        let asked = own.or(self.seed.map(|seed| seed.number));
         let mut start = OctreeBox { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
         if self.best.found.is_some()
             && let Some(range) = self.range(point, self.best.slack().sqrt())
@@ -156,25 +158,26 @@ impl<'a> Search<'a> {
     }
 
     /// Asks the cell that a point lies in, if it is there.
-    fn kept(&mut self, cell: [u32; 3], point: [f64; 3], query: &Query<'_>) -> Option<OctreeBox> {
+    fn kept(&mut self, cell: [u32; 3], point: [f64; 3], query: &Query<'_>) -> Option<BoxIndex> {
         let Self { surface, way, bricks, best, .. } = self;
         let kept = bricks.cell(surface, way, cell)?;
-        best.ask(&kept, point, query);
-        Some(kept.place)
+        best.ask(kept, point, query);
+        self.behind = kept.plane().map(|facet| (point, facet.height(point) <= 0.0));
+        Some(kept.number())
     }
 
     /// Asks the cells of a range but the one that was asked.
     fn ask_range(
         &mut self,
         range: [[u32; 3]; 2],
-        asked: Option<OctreeBox>,
+        asked: Option<BoxIndex>,
         point: [f64; 3],
         query: &Query<'_>,
     ) {
         let Self { surface, way, bricks, best, .. } = self;
         bricks.range(surface, way, range, |kept| {
-            if asked != Some(kept.place) {
-                best.ask(&kept, point, query);
+            if asked != Some(kept.number()) {
+                best.ask(kept, point, query);
             }
         });
     }
@@ -191,12 +194,15 @@ impl<'a> Search<'a> {
 
     /// True if a point is behind the surface of the cell, or larger leaf, that it lies in; `None` where that is empty.
     pub(super) fn behind_own(&mut self, cell: [u32; 3], point: [f64; 3]) -> Option<bool> {
+        if let Some((_, is_behind)) = self.behind.filter(|(last, _)| *last == point) {
+            return Some(is_behind);
+        }
         if self.has_bricks() {
             let Self { surface, way, bricks, .. } = self;
             let kept = bricks.cell(surface, way, cell)?;
-            return Some(match kept.facets {
-                [(_, facet)] if !kept.has_corners => facet.height(point) <= 0.0,
-                _ => surface.is_behind(kept.place, point),
+            return Some(match kept.plane() {
+                Some(facet) => facet.height(point) <= 0.0,
+                None => surface.is_behind(kept.place(), point),
             });
         }
         let place = self.at(cell)?;
@@ -228,7 +234,7 @@ impl<'a> Search<'a> {
         self.way.place(u32::BITS - apart.leading_zeros())
     }
 
-    fn descend(&mut self, start: OctreeBox, asked: Option<OctreeBox>, point: [f64; 3], query: &Query<'_>) {
+    fn descend(&mut self, start: OctreeBox, asked: Option<BoxIndex>, point: [f64; 3], query: &Query<'_>) {
         self.waiting.clear();
         self.waiting.push((0.0, start));
         while let Some((square, place)) = self.waiting.pop() {
@@ -236,7 +242,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             if place.level == 0 || self.surface.is_leaf(place) {
-                if asked != Some(place) {
+                if asked != Some(place.number) {
                     self.ask(place, point, query);
                 }
                 continue;
@@ -295,7 +301,9 @@ impl<'a> Search<'a> {
                 return;
             }
         }
-        surface.facets(place, |part, facet| self.best.offer(&facet, (place, part), point, query));
+        surface.facets(place, |part, facet| {
+            self.best.offer(&facet, (place.number, part), point, query, || place);
+        });
     }
 }
 
@@ -307,23 +315,31 @@ impl Best {
     }
 
     #[inline]
-    fn ask(&mut self, kept: &Kept<'_>, point: [f64; 3], query: &Query<'_>) {
-        for (part, facet) in kept.facets {
-            self.offer(facet, (kept.place, *part), point, query);
+    fn ask(&mut self, kept: Kept<'_>, point: [f64; 3], query: &Query<'_>) {
+        for (part, facet) in kept.facets() {
+            self.offer(facet, (kept.number(), *part), point, query, || kept.place());
         }
     }
 
     /// Keeps a facet's nearest point if it is before the best one, within the limit, and counts.
     #[inline]
-    fn offer(&mut self, facet: &Facet, (place, part): (OctreeBox, u8), point: [f64; 3], query: &Query<'_>) {
-        if !facet.may_reach(point, self.slack()) || !query.accepts(facet.normal) {
+    fn offer(
+        &mut self,
+        facet: &Facet,
+        (number, part): (BoxIndex, u8),
+        point: [f64; 3],
+        query: &Query<'_>,
+        place: impl FnOnce() -> OctreeBox,
+    ) {
+        let from = facet.relative(point);
+        if !facet.may_reach(from, self.slack()) || !query.accepts(facet.normal) {
             return;
         }
-        let (square, at) = facet.nearest(point);
-        if square > self.limit || self.found.is_some_and(|best| best.is_before(square, place, part)) {
+        let (square, at) = facet.nearest(from);
+        if square > self.limit || self.found.is_some_and(|best| best.is_before(square, number, part)) {
             return;
         }
-        let (normal, height) = (facet.normal, facet.height(point));
+        let (normal, height, place) = (facet.normal, from.height, place());
         self.limit = square;
         self.found = Some(Found { square, point: at, normal, place, part, height });
     }
