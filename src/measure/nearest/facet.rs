@@ -85,14 +85,15 @@ impl Facet {
             std::array::from_fn(|a| clamped(from[a] - l * self.normal[a], self.half[a]))
         };
         // Two kinks an axis, NaN or infinite along the plane, and their heights, NaN there.
-        let (mut kinks, mut heights) = ([0.0; 6], [0.0; 6]);
-        for a in 0..3 {
-            kinks[a] = (from[a] + self.half[a]) / self.normal[a];
-            kinks[a + 3] = (from[a] - self.half[a]) / self.normal[a];
-        }
-        for a in 0..3 {
+        let kink = |k: usize| {
+            let side = if k < 3 { -self.half[k % 3] } else { self.half[k % 3] };
+            (from[k % 3] - side) / self.normal[k % 3]
+        };
+        let kinks = [0, 1, 2, 3, 4, 5].map(kink);
+        let mut heights = [0.0; 6];
+        for ((from, normal), half) in from.into_iter().zip(self.normal).zip(self.half) {
             for (l, height) in kinks.iter().zip(&mut heights) {
-                *height += self.normal[a] * clamped(from[a] - l * self.normal[a], self.half[a]);
+                *height += normal * clamped(from - l * normal, half);
             }
         }
         // The last kink over the plane and the first one below it.
