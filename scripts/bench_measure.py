@@ -133,12 +133,12 @@ def scanned(body, at, slices=1):
     return value
 
 
-def scanned_ball(radius, at):
-    """The same of a ball, in closed form."""
+def scanned_ball(radius, at, blur):
+    """The same of a ball with a blur, in closed form."""
     away = np.maximum(length(at), 1e-9)
-    low, high = (radius - away) / BLUR, (radius + away) / BLUR
+    low, high = (radius - away) / blur, (radius + away) / blur
     between = np.interp(low, STEPS, INTEGRAL) + np.interp(high, STEPS, INTEGRAL) - 1
-    return between - BLUR / (away * math.sqrt(2 * math.pi)) * (np.exp(-(low**2) / 2) - np.exp(-(high**2) / 2))
+    return between - blur / (away * math.sqrt(2 * math.pi)) * (np.exp(-(low**2) / 2) - np.exp(-(high**2) / 2))
 
 
 def model_of(folder, name, values, *options, spacing="1x1x1"):
@@ -363,20 +363,22 @@ def pores(folder, _source):
             place = random.uniform(-70, 70, 3)
         holes.append((place, radius))
     at = samples(n)
-    value = scanned_ball(70, at)
-    for place, radius in holes:
-        low = np.floor(place - radius - 4 + n / 2 + OFF).astype(int)[::-1]
-        window = tuple(slice(c, c + 2 * math.ceil(radius) + 10) for c in low)
-        value[window] -= scanned_ball(radius, at[window] - place)
-    oct_("pores", model_of(folder, "m", value - 0.5), "--csv", folder / "m.csv")
-    table = np.genfromtxt(folder / "m.csv", delimiter=",", names=True)
-    found = np.stack([table[axis] for axis in "xyz"], -1) - (n / 2 + OFF)
-    away = np.array([length(found - place) for place, _ in holes])
-    errors = 100 * np.abs(table["volume_mm3"][away.argmin(1)] / (4 / 3 * np.pi * radii**3) - 1)
-    for low, high in ((3, 10), (3, 6), (6, 10)):
-        mean = errors[(radii >= low) & (radii <= high)].mean()
-        row(f"pores with radii of {low} to {high} voxels: mean error of the volume, %", mean, 4, False)
-    row("pores with radii of 1 to 10 voxels: found", np.sum(away.min(1) < np.maximum(1, radii / 4)), len(holes))
+    for name, blur in (("blur of .5", 0.5), ("and the voxel", BLUR)):
+        value = scanned_ball(70, at, blur)
+        for place, radius in holes:
+            low = np.floor(place - radius - 4 + n / 2 + OFF).astype(int)[::-1]
+            window = tuple(slice(c, c + 2 * math.ceil(radius) + 10) for c in low)
+            value[window] -= scanned_ball(radius, at[window] - place, blur)
+        oct_("pores", model_of(folder, "m", value - 0.5), "--csv", folder / "m.csv")
+        table = np.genfromtxt(folder / "m.csv", delimiter=",", names=True)
+        found = np.stack([table[axis] for axis in "xyz"], -1) - (n / 2 + OFF)
+        away = np.array([length(found - place) for place, _ in holes])
+        errors = 100 * np.abs(table["volume_mm3"][away.argmin(1)] / (4 / 3 * np.pi * radii**3) - 1)
+        for low, high in ((3, 10), (3, 6), (6, 10)):
+            mean = errors[(radii >= low) & (radii <= high)].mean()
+            row(f"pores with radii of {low} to {high} voxels, {name}: mean error of the volume, %", mean, 4, False)
+        near = away.min(1) < np.maximum(1, radii / 4)
+        row(f"pores with radii of 1 to 10 voxels, {name}: found", np.sum(near), len(holes))
 
 
 def intervals(folder, _source):
