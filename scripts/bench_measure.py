@@ -6,7 +6,7 @@
     scripts/bench_measure.py --volume 256 FILE   u16 samples, 256^3 of them, inside from 500, in place of the gyroid
     scripts/bench_measure.py --rows pores        of bodies, sides, bunny, speed, same_bytes, thickness, pores, intervals
 
-Needs numpy; `bunny` needs INFOBYTE_DATA. Open3D and trimesh are run beside it on the model's own mesh where they are
+Needs numpy; `bunny` needs INFOBYTE_DATA. Open3D and trimesh are run on the model's own mesh where they are
 installed, one thread each. Times are CPU seconds, medians of rounds in turns. 256 takes some six minutes.
 """
 
@@ -28,7 +28,7 @@ import numpy as np
 
 OCT = os.environ.get("OCT", "target/release/oct")
 ROUNDS = 3
-# Report entries that threads and budgets may change, beside times.
+# Report entries, apart from times, that threads and budgets may change.
 MEASURED = ("peak_rss_bytes", "threads", "memory_budget_bytes", "memory_plan_bytes", "tile_columns")
 # Where a body lies from the middle of its volume: in general position.
 OFF = np.array([0.13, -0.29, 0.41])
@@ -55,7 +55,7 @@ def turns(*ways):
 
 
 def row(name, found, target, is_more_better=True):
-    """Prints a figure beside its target; a target of 0 is met (1) or not (0)."""
+    """Prints a figure and its target; a target of 0 is met (1) or not (0)."""
     over, under = (found, target) if is_more_better else (target, found)
     ratio = over / under if under else 999 if over else 1
     print(f"{name:<88} {found:>10.4g} {target:>8.4g} {min(ratio, 999):>8.2f}", flush=True)
@@ -221,7 +221,7 @@ def left_over(folder, actual, nominal, place):
 
 
 def bunny(folder, _source):
-    """The bunny beside the distances of its triangles, and what fits leave of its turns."""
+    """The bunny against the distances of its triangles, and what fits leave of its turns."""
     mesh = Path(os.environ.get("INFOBYTE_DATA", ""), "mesh", "bunny-closed.off")
     if not mesh.is_file():
         return skipped("bunny to its mesh, fits", "folder INFOBYTE_DATA with mesh/bunny-closed.off")
@@ -254,7 +254,7 @@ def bunny(folder, _source):
 
 
 def open3d_scene(mesh):
-    """A function of points that gives signed distances and the CPU seconds that they took, and those of the tree."""
+    """A function of points that gives signed distances and the CPU seconds that they and the tree took."""
     import open3d
 
     shape = open3d.t.geometry.TriangleMesh.from_legacy(open3d.io.read_triangle_mesh(str(mesh)))

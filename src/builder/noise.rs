@@ -6,7 +6,13 @@
 //! position alone, so that the result is the same for any budget and number of threads.
 #![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "counts and buckets")]
 
+use std::ops::Range;
+
+use super::ring::SampleForm;
+use super::solid::BRICK;
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::Noise;
+use crate::volume::Scalar;
 
 /// Buckets of differences: 32 for each power of two from [`MIN_EXPONENT`] on, and one for zero.
 const PARTS_BITS: u32 = 5;
@@ -20,12 +26,12 @@ const MIN_COUNT: u64 = 64;
 /// Median magnitude of standard normal deviates.
 const MEDIAN: f64 = 0.674_489_750_196_081_7;
 
-/// Samples needed around each of the two, across the axis and along it.
+/// Samples needed around each of the two along x and y, of a pair along another axis also along z.
 pub(super) const AROUND: u32 = 2;
 /// Distance of the two samples along x and y, and along z.
 pub(super) const APART: [u32; 3] = [4, 4, 3];
-/// Samples needed along z around pairs along z.
-pub(super) const AROUND_THIN: u32 = 1;
+/// Samples of a brick along an axis that can be read.
+const WIDTH: usize = BRICK as usize + 2;
 
 /// Steps between measured positions, in voxels along x, y, z: smaller in small volumes.
 pub(super) fn steps(dims: [u32; 3]) -> [u32; 3] {
@@ -33,6 +39,87 @@ pub(super) fn steps(dims: [u32; 3]) -> [u32; 3] {
         0..=2_100_000 => [2, 2, 2],
         2_100_001..=33_000_000 => [4, 4, 4],
         _ => [16, 8, 8],
+    }
+}
+
+/// Samples after the first of a pair that are needed, in the direction of the pair or across it.
+fn reach(is_along: bool) -> u32 {
+    AROUND + if is_along { APART[0] } else { 0 }
+}
+
+/// Measured positions along x or y in the brick that begins at `origin`, where the volume has `n` samples.
+pub(super) fn places(origin: u32, step: u32, n: u32, is_along: bool) -> impl Iterator<Item = u32> {
+    let end = (BRICK + 2).min(n.saturating_sub(origin)).saturating_sub(reach(is_along)).min(BRICK);
+    (step..end).step_by(step as usize).map(move |place| origin + place)
+}
+
+/// The samples around all of these positions.
+pub(super) fn needed(origin: u32, step: u32, n: u32) -> Range<u32> {
+    let last = (BRICK - 1) / step * step + reach(true);
+    origin + step - AROUND..origin + (last + 1).min(BRICK + 2).min(n.saturating_sub(origin))
+}
+
+/// The sides on which the samples of a brick lie, in the slices around one.
+pub(super) struct Sides([[[u8; WIDTH]; WIDTH]; 2]);
+
+/// Codes of a side; both have no bit in common.
+const INSIDE: u8 = 1;
+const OUTSIDE: u8 = 2;
+
+impl Sides {
+    pub(super) fn new() -> Self {
+        Self([[[0; WIDTH]; WIDTH]; 2])
+    }
+
+    /// Sets a row from its samples in the slice that only pairs along z need, and in the five around pairs along x and y.
+    pub(super) fn set_row<R: Scalar>(&mut self, at: usize, rows: [&[R]; 6], zero: f32) {
+        let [of_z, of_both] = dispatch(RowKernel { rows, zero });
+        (self.0[0][at], self.0[1][at]) = (of_both, of_z);
+    }
+
+    /// Whether all samples around a pair are inside, by the place of its first one in a row; `None` where they are on both
+    /// sides.
+    pub(super) fn even(&self, row: usize, axis: usize) -> impl Fn(usize) -> Option<bool> {
+        let mut codes = [INSIDE | OUTSIDE; WIDTH];
+        for row in &self.0[usize::from(axis == 2)][row - AROUND as usize..=row + reach(axis == 1) as usize] {
+            codes.iter_mut().zip(row).for_each(|(code, of_row)| *code &= of_row);
+        }
+        move |place| match codes[place - AROUND as usize..=place + reach(axis == 0) as usize]
+            .iter()
+            .fold(INSIDE | OUTSIDE, |all, code| all & code)
+        {
+            0 => None,
+            code => Some(code == INSIDE),
+        }
+    }
+}
+
+/// Codes of a row, for pairs along z and for those along x and y; samples from `zero` on are inside.
+struct RowKernel<'a, R> {
+    rows: [&'a [R]; 6],
+    zero: f32,
+}
+
+impl<R: Scalar> Kernel for RowKernel<'_, R> {
+    type Output = [[u8; WIDTH]; 2];
+
+    #[inline(always)]
+    fn run(self, _: impl Lanes) -> [[u8; WIDTH]; 2] {
+        let [before, around @ ..] = self.rows;
+        let mut codes = [INSIDE | OUTSIDE; WIDTH];
+        for row in around {
+            join(&mut codes, row, self.zero);
+        }
+        let of_both = codes;
+        join(&mut codes, before, self.zero);
+        [codes, of_both]
+    }
+}
+
+#[inline(always)]
+fn join<R: Scalar>(codes: &mut [u8; WIDTH], row: &[R], zero: f32) {
+    for (code, sample) in codes.iter_mut().zip(row) {
+        *code &= if SampleForm::depth_from(*sample, 0.0) >= zero { INSIDE } else { OUTSIDE };
     }
 }
 

@@ -88,6 +88,11 @@ impl SampleForm {
         single(sample.to_f64()) - level
     }
 
+    /// [`SampleForm::zero`] as a single, which holds every sample of a ring that is kept as it is in the file.
+    pub(super) fn zero_single(&self) -> f32 {
+        single(self.zero())
+    }
+
     /// True for a ring sample inside the range; never for NaN.
     #[inline(always)]
     pub(super) fn is_inside(&self, sample: impl Scalar) -> bool {

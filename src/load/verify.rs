@@ -410,8 +410,7 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
         Ok(())
     }
 
-    /// Takes the voxels of a node together, which all lie in the volume, if they are directly below it or are those of a
-    /// brick.
+    /// Takes all voxels of a node together, which lie in the volume, if the node is directly above them or is a brick.
     fn take_voxels(&mut self, d: usize, octants: u8) -> Result<(), Fault> {
         let mut voxels = octants.count_ones();
         if d + 1 < self.depth {

@@ -41,6 +41,7 @@ pub(super) struct Batch {
     covers: [u32; BATCH],
     fitted: [u32; BATCH],
     strays: [u32; BATCH],
+    steepness: [f32; BATCH],
     is_label: bool,
     sharp: Sharp,
 }
@@ -73,6 +74,7 @@ impl Batch {
             covers: [0; BATCH],
             fitted: [0; BATCH],
             strays: [0; BATCH],
+            steepness: [0.0; BATCH],
             is_label: false,
             sharp: Sharp::new(),
         })
@@ -136,27 +138,15 @@ impl Batch {
         (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
-    /// Change of depths per mm across the surface of a cell of a fitted batch, by trilinear interpolation at the mean
-    /// of the crossings; 0 at the border and at edges, which blur rounds.
-    pub(super) fn steepness(&self, at: usize, spacing_mm: [f32; 3]) -> f32 {
-        let gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][at]);
-        let (across, square) = self.jet(at).bend(gradient);
-        if across.is_nan() || across > EDGE_BEND * EDGE_BEND * square {
-            return 0.0;
-        }
-        let depth: [f32; CORNERS] = std::array::from_fn(|c| self.depth[c][at]);
-        let part: [f32; 3] = std::array::from_fn(|a| (self.mean[a][at] + 0.5).clamp(0.0, 1.0));
-        let rise = |axis: usize| {
-            (0..CORNERS).fold(0.0, |sum, corner| {
-                let of = |a: usize| if corner >> a & 1 == 1 { part[a] } else { 1.0 - part[a] };
-                let weight = (0..3).filter(|a| *a != axis).fold(1.0, |weight, a| weight * of(a));
-                sum + if corner >> axis & 1 == 1 { weight * depth[corner] } else { -weight * depth[corner] }
-            })
-        };
-        let normal: [f32; 3] = std::array::from_fn(|a| gradient[a] / spacing_mm[a]);
-        let length = normal.iter().map(|c| c * c).sum::<f32>().sqrt();
-        let along = (0..3).map(|a| rise(a) / spacing_mm[a] * normal[a]).sum::<f32>() / length;
-        if along.is_finite() { along.abs() } else { 0.0 }
+    /// Finds the steepness of all cells of a fitted batch.
+    pub(super) fn find_steepness(&mut self, spacing_mm: [f32; 3]) {
+        dispatch(SteepnessKernel { batch: self, spacing_mm });
+    }
+
+    /// Change of depths per mm across the surface of a cell, once it is found: by trilinear interpolation at the mean of the
+    /// crossings; 0 at the border and at edges, which blur rounds.
+    pub(super) fn steepness(&self, at: usize) -> f32 {
+        self.steepness[at]
     }
 
     /// The result for a cell of a fitted batch.
@@ -314,6 +304,59 @@ fn is_same_surface(gradient: [f32; 3], unit: [f32; 3], code: u16) -> bool {
     let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
     let size = gradient[0].abs() + gradient[1].abs() + gradient[2].abs();
     (along > 0.0) & (along * along >= SAME_SURFACE * square) & (size > 0.0) & (size < f32::INFINITY)
+}
+
+struct SteepnessKernel<'a> {
+    batch: &'a mut Batch,
+    spacing_mm: [f32; 3],
+}
+
+impl Kernel for SteepnessKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        let (b, spacing) = (self.batch, self.spacing_mm);
+        for i in 0..b.len.next_multiple_of(8).min(BATCH) {
+            let gradient = [b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]];
+            let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+            let (across, square) = b.jet(i).bend(gradient);
+            let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
+            let rise =
+                [rise(depth, mean, [0, 1, 2]), rise(depth, mean, [1, 0, 2]), rise(depth, mean, [2, 0, 1])];
+            let [x, y, z] = [gradient[0] / spacing[0], gradient[1] / spacing[1], gradient[2] / spacing[2]];
+            let length = (x * x + y * y + z * z).sqrt();
+            let along = rise[0] / spacing[0] * x + rise[1] / spacing[1] * y + rise[2] / spacing[2] * z;
+            let steepness = (along / length).abs();
+            // False for NaN.
+            let is_smooth = (across <= EDGE_BEND * EDGE_BEND * square) & (steepness < f32::INFINITY);
+            b.steepness[i] = if is_smooth { steepness } else { 0.0 };
+        }
+    }
+}
+
+/// Change along an axis of what is interpolated between eight corners, at a place from the middle; the other two axes are
+/// named, too.
+#[inline(always)]
+fn rise(depth: [f32; CORNERS], place: [f32; 3], [axis, u, v]: [usize; 3]) -> f32 {
+    let (u_high, v_high) = (part(place[u]), part(place[v]));
+    let (u_low, v_low) = (1.0 - u_high, 1.0 - v_high);
+    let mut sum = 0.0;
+    for (corner, depth) in depth.iter().enumerate() {
+        let of_u = if corner >> u & 1 == 1 { u_high } else { u_low };
+        let of_v = if corner >> v & 1 == 1 { v_high } else { v_low };
+        let term = of_u * of_v * depth;
+        sum += if corner >> axis & 1 == 1 { term } else { -term };
+    }
+    sum
+}
+
+/// Part of the way through a cell, 0 to 1, at a place from its middle.
+#[inline(always)]
+fn part(place: f32) -> f32 {
+    let part = place + 0.5;
+    let part = if part < 0.0 { 0.0 } else { part };
+    if part > 1.0 { 1.0 } else { part }
 }
 
 struct StrayKernel<'a> {

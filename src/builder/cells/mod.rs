@@ -33,12 +33,11 @@ mod sharp_features;
 mod single_fit;
 mod window;
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::item::ItemForm;
 use super::lanes::RingSample;
-use super::noise::{self, NoiseCounts};
+use super::noise::{self, NoiseCounts, Sides};
 use super::ring::SampleForm;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -257,45 +256,9 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
         if middle % step[2] != 0 || middle < 3 || z >= dims[2] {
             return;
         }
-        let sample = |[x, y, z]: [u32; 3]| {
-            let row = (y - f.rows.start) as usize * f.stride;
-            slices.plane(z)[row + (x - f.cols.start) as usize]
-        };
-        let is_inside = |p: [u32; 3]| slices.form.is_inside(sample(p));
-        for axis in 0..3 {
-            // The pair along z lies on either side of the ring's middle.
-            let low = if axis == 2 { middle - 2 } else { middle };
-            let around = if axis == 2 { noise::AROUND_THIN } else { noise::AROUND };
-            let places = |r: &Range<u32>, n: u32, a: usize| {
-                let reach = noise::AROUND + if a == axis { noise::APART[a] } else { 0 };
-                let end = n.saturating_sub(reach).min(r.end);
-                let is_whole = move |p: &u32| p % BRICK >= noise::AROUND && p % BRICK + reach <= BRICK + 1;
-                (r.start.next_multiple_of(step[a])..end).step_by(step[a] as usize).filter(is_whole)
-            };
-            for y in places(&f.column.y, dims[1], 1) {
-                for x in places(&f.column.x, dims[0], 0) {
-                    let first = [x, y, low];
-                    let mut second = first;
-                    second[axis] += noise::APART[axis];
-                    let inside = is_inside(first);
-                    if is_inside(second) != inside {
-                        continue;
-                    }
-                    let reach = |a: usize| {
-                        let around = if a == 2 { around } else { noise::AROUND };
-                        first[a] - around..second[a] + around + 1
-                    };
-                    let is_even =
-                        reach(2).all(|z| reach(1).all(|y| reach(0).all(|x| is_inside([x, y, z]) == inside)));
-                    if is_even {
-                        let mut next = first;
-                        next[axis] += 1;
-                        let [first, next, second] =
-                            [first, next, second].map(|p| SampleForm::depth_from(sample(p), 0.0));
-                        counts.add(inside, axis, false, next - first);
-                        counts.add(inside, axis, true, second - first);
-                    }
-                }
+        for y in f.column.y.clone().step_by(BRICK as usize) {
+            for x in f.column.x.clone().step_by(BRICK as usize) {
+                count_in_brick(slices, [x, y, middle], counts);
             }
         }
     }
@@ -303,11 +266,14 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
     /// Fits the cells of the batch and appends their items.
     fn flush(&mut self) {
         self.batch.fit(self.is_label, &self.stretch);
+        if self.noise.is_some() {
+            self.batch.find_steepness(self.spacing_mm);
+        }
         for at in 0..self.batch.len() {
             let outcome = self.batch.outcome(at);
             if self.noise.is_some() {
                 let is_known = outcome != Outcome::OneByOne;
-                let steepness = if is_known { self.batch.steepness(at, self.spacing_mm) } else { 0.0 };
+                let steepness = if is_known { self.batch.steepness(at) } else { 0.0 };
                 if steepness > 0.0 {
                     self.extent = (self.extent.0.min(steepness), self.extent.1.max(steepness));
                 }
@@ -337,6 +303,49 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
             });
         }
         self.batch.clear();
+    }
+}
+
+/// Counts noise in a brick of a slice; its first sample is given.
+fn count_in_brick<R: RingSample + Scalar>(
+    slices: &Slices<'_, R>,
+    [x, y, z]: [u32; 3],
+    counts: &mut NoiseCounts,
+) {
+    let (f, dims) = (&slices.frame, slices.dims);
+    let step = noise::steps(dims);
+    let [xs, ys] = [(x, 0), (y, 1)].map(|(origin, a)| noise::needed(origin, step[a], dims[a]));
+    if xs.is_empty() || ys.is_empty() {
+        return;
+    }
+    let row = |y: u32, z: u32| {
+        let first = (y - f.rows.start) as usize * f.stride + (xs.start - f.cols.start) as usize;
+        &slices.plane(z)[first..][..xs.len()]
+    };
+    let (mut sides, zero) = (Sides::new(), slices.form.zero_single());
+    for (at, y) in ys.clone().enumerate() {
+        sides.set_row(at, [0, 1, 2, 3, 4, 5].map(|k| row(y, z + k - 3)), zero);
+    }
+    for axis in 0..3 {
+        for y in noise::places(y, step[1], dims[1], axis == 1) {
+            let even = sides.even((y - ys.start) as usize, axis);
+            for x in noise::places(x, step[0], dims[0], axis == 0) {
+                let at = (x - xs.start) as usize;
+                let Some(inside) = even(at) else { continue };
+                let depth = |along: u32| {
+                    let sample = match axis {
+                        0 => row(y, z)[at + along as usize],
+                        1 => row(y + along, z)[at],
+                        // The pair lies on either side of the ring's middle.
+                        _ => row(y, z - 2 + along)[at],
+                    };
+                    SampleForm::depth_from(sample, 0.0)
+                };
+                let [first, next, second] = [0, 1, noise::APART[axis]].map(depth);
+                counts.add(inside, axis, false, next - first);
+                counts.add(inside, axis, true, second - first);
+            }
+        }
     }
 }
 
