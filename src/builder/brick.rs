@@ -275,15 +275,20 @@ impl BrickReader {
                 count += row.count_ones() as usize;
             }
         }
+        let tail = count * self.channels.iter().map(|channel| channel.form.tail_bytes()).sum::<usize>();
+        let mut tail = rest.split_off(rest.len().checked_sub(tail)?..)?;
         let mut corners = 0;
         for channel in &mut self.channels {
             let items = if channel.channel.row().is_sparse { corners } else { count };
-            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * items)?;
+            let apart = channel.form.tail_bytes();
+            let (swapped, more) = rest.split_at_checked((channel.form.swapped_bytes() - apart) * items)?;
             rest = more;
+            let (first, more) = tail.split_at_checked(apart * items)?;
+            tail = more;
             if channel.channel == Channel::Offset {
                 corners = swapped.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
             }
-            channel.form.store(swapped, &mut channel.scan);
+            channel.form.store([first, swapped], &mut channel.scan);
         }
         if let Some([scan, _]) = &mut self.sides {
             scan.extend_from_slice(rest.get(..count)?);

@@ -514,10 +514,19 @@ impl<'a> ColumnWorker<'a> {
                         self.payload.extend(row.to_le_bytes());
                     }
                 }
-                for chain in chains.iter() {
-                    self.pool.copy_to(chain, &mut self.payload);
+                let is_split = |at: usize| {
+                    self.shared.channels.get(at).is_some_and(|channel| channel.form.tail_bytes() > 0)
+                };
+                for (at, chain) in chains.iter().enumerate() {
+                    let bytes = if is_split(at) { [1, 2] } else { [0, 1] };
+                    self.pool.copy_to(chain, bytes, &mut self.payload);
                 }
-                brick.last_fragment = self.writer.append(brick.last_fragment, &self.payload)?;
+                let packed = self.payload.len();
+                for (_, chain) in chains.iter().enumerate().filter(|(at, _)| is_split(*at)) {
+                    self.pool.copy_to(chain, [0, 2], &mut self.payload);
+                }
+                let tail = self.payload.len() - packed;
+                brick.last_fragment = self.writer.append(brick.last_fragment, &self.payload, tail)?;
                 brick.swapped = brick.done;
             }
             chains.fill(Chain::EMPTY);

@@ -33,12 +33,14 @@ pub(super) const APART: [u32; 3] = [4, 4, 3];
 /// Samples of a brick along an axis that can be read.
 const WIDTH: usize = BRICK as usize + 2;
 
-/// Steps between measured positions, in voxels along x, y, z: smaller in small volumes.
+/// Steps between measured positions, in voxels along x, y, z: smaller in small volumes. Some 15,000 pairs an axis and more,
+/// which give the deviation within 1 %; long steps along y and z cost least, as the rows between them are not read.
 pub(super) fn steps(dims: [u32; 3]) -> [u32; 3] {
     match dims.iter().map(|n| u64::from(*n)).product::<u64>() {
         0..=2_100_000 => [2, 2, 2],
-        2_100_001..=33_000_000 => [4, 4, 4],
-        _ => [16, 8, 8],
+        2_100_001..=8_400_000 => [4, 4, 4],
+        8_400_001..=33_000_000 => [4, 16, 8],
+        _ => [8, 16, 16],
     }
 }
 

@@ -60,13 +60,17 @@ impl ChunkPool {
         }
     }
 
-    /// Copies a chain's bytes to the end of `out`.
-    pub(super) fn copy_to(&self, chain: &Chain, out: &mut Vec<u8>) {
+    /// Copies a chain's bytes to the end of `out`: each one from `first` on, by steps of `step`, a power of two.
+    pub(super) fn copy_to(&self, chain: &Chain, [first, step]: [usize; 2], out: &mut Vec<u8>) {
         let (mut chunk, mut left) = (chain.first, chain.bytes as usize);
         while left > 0 {
             let at = chunk as usize * CHUNK_BYTES;
             let now = left.min(CHUNK_BYTES);
-            out.extend_from_slice(&self.bytes[at..at + now]);
+            let bytes = &self.bytes[at..at + now];
+            match step {
+                1 => out.extend_from_slice(bytes),
+                _ => out.extend(bytes.iter().skip(first).step_by(step)),
+            }
             left -= now;
             chunk = self.next[chunk as usize];
         }
@@ -95,7 +99,7 @@ mod tests {
         }
         for (chain, want) in chains.iter().zip(&want) {
             let mut got = Vec::new();
-            pool.copy_to(chain, &mut got);
+            pool.copy_to(chain, [0, 1], &mut got);
             assert_eq!(&got, want);
         }
         assert!(!pool.has_room(64 * CHUNK_BYTES));

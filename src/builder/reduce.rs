@@ -221,7 +221,7 @@ impl Worker<'_> {
             }
         }
         for part in payload.chunks(PART) {
-            reduced.last_fragment = writer.append(reduced.last_fragment, part)?;
+            reduced.last_fragment = writer.append(reduced.last_fragment, part, 0)?;
         }
         Ok(reduced)
     }

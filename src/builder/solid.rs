@@ -72,7 +72,8 @@ pub struct Tile {
 /// Results of workers from describing the skin.
 #[derive(Clone, Copy, Debug)]
 pub struct ScanSummary {
-    /// Smallest and largest single of a channel of [`ItemForm::Scaled`]; infinity and its negative without any.
+    /// Smallest and largest single of a channel of [`ItemForm::Scaled`], or code of [`ItemForm::Octaves`]; infinity and
+    /// its negative without any.
     pub extent: (f32, f32),
     /// Time spent waiting for input.
     pub reading: Duration,

@@ -28,8 +28,9 @@ use super::error::BuildError;
 pub(super) const ENTRY_BYTES: usize = 32;
 /// Scratch space that a worker takes at a time.
 pub(super) const EXTENT_BYTES: usize = 256 << 10;
-/// Bytes of a fragment's head: previous fragment (u64), stored length (u32), raw length (u32).
-const FRAGMENT_HEAD: usize = 16;
+/// Bytes of a fragment's head: previous fragment (u64), stored length without the tail, raw length, length of the tail (u32
+/// each).
+const FRAGMENT_HEAD: usize = 20;
 /// Bit of the stored length, set for an uncompressed payload.
 const STORED_RAW: u32 = 1 << 31;
 
@@ -190,8 +191,9 @@ impl<'a> FragmentWriter<'a> {
         Self { scratch, extent: Vec::with_capacity(EXTENT_BYTES), start: scratch.take(EXTENT_BYTES) }
     }
 
-    /// Appends a fragment and returns its offset, for the brick's next fragment or its index entry.
-    pub(super) fn append(&mut self, previous: u64, payload: &[u8]) -> Result<u64, BuildError> {
+    /// Appends a fragment and returns its offset, for the brick's next fragment or its index entry. The last `tail` bytes
+    /// are as good as random, and not compressed.
+    pub(super) fn append(&mut self, previous: u64, payload: &[u8], tail: usize) -> Result<u64, BuildError> {
         let most = FRAGMENT_HEAD + lz4_flex::block::get_maximum_output_size(payload.len());
         debug_assert!(most <= EXTENT_BYTES);
         if self.extent.len() + most > EXTENT_BYTES {
@@ -201,17 +203,20 @@ impl<'a> FragmentWriter<'a> {
         let at = self.extent.len();
         self.extent.resize(at + most, 0);
         let body = at + FRAGMENT_HEAD;
-        let stored = match lz4_flex::block::compress_into(payload, &mut self.extent[body..]) {
-            Ok(len) if len < payload.len() => len as u32,
+        let (packed, last) = payload.split_at(payload.len() - tail);
+        let stored = match lz4_flex::block::compress_into(packed, &mut self.extent[body..]) {
+            Ok(len) if len < packed.len() => len as u32,
             _ => {
-                self.extent[body..body + payload.len()].copy_from_slice(payload);
-                payload.len() as u32 | STORED_RAW
+                self.extent[body..body + packed.len()].copy_from_slice(packed);
+                packed.len() as u32 | STORED_RAW
             }
         };
         self.extent.truncate(body + (stored & !STORED_RAW) as usize);
+        self.extent.extend_from_slice(last);
         self.extent[at..at + 8].copy_from_slice(&previous.to_le_bytes());
         self.extent[at + 8..at + 12].copy_from_slice(&stored.to_le_bytes());
         self.extent[at + 12..at + 16].copy_from_slice(&(payload.len() as u32).to_le_bytes());
+        self.extent[at + 16..at + 20].copy_from_slice(&(tail as u32).to_le_bytes());
         Ok(self.start + at as u64)
     }
 
@@ -233,10 +238,10 @@ pub(super) fn read_fragment(
     let mut head = [0; FRAGMENT_HEAD];
     scratch.read(&mut head, offset)?;
     let previous = u64::from_le_bytes(std::array::from_fn(|i| head[i]));
-    let stored_len = u32::from_le_bytes(std::array::from_fn(|i| head[8 + i]));
-    let raw_len = u32::from_le_bytes(std::array::from_fn(|i| head[12 + i])) as usize;
+    let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
+    let (stored_len, raw_len, tail) = (number(8), number(12) as usize, number(16) as usize);
     let len = (stored_len & !STORED_RAW) as usize;
-    if len > EXTENT_BYTES || raw_len > EXTENT_BYTES {
+    if len > EXTENT_BYTES || raw_len > EXTENT_BYTES || tail > raw_len {
         return Err(scratch.changed());
     }
     payload.resize(raw_len, 0);
@@ -244,10 +249,12 @@ pub(super) fn read_fragment(
         scratch.read(payload, offset + FRAGMENT_HEAD as u64)?;
         return Ok(previous);
     }
-    stored.resize(len, 0);
+    stored.resize(len + tail, 0);
     scratch.read(stored, offset + FRAGMENT_HEAD as u64)?;
-    match lz4_flex::block::decompress_into(stored, payload) {
-        Ok(n) if n == raw_len => Ok(previous),
+    let (packed, last) = payload.split_at_mut(raw_len - tail);
+    last.copy_from_slice(&stored[len..]);
+    match lz4_flex::block::decompress_into(&stored[..len], packed) {
+        Ok(n) if n == packed.len() => Ok(previous),
         _ => Err(scratch.changed()),
     }
 }
@@ -264,8 +271,15 @@ mod tests {
         let noise: Vec<u8> = (0..60_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let flat = vec![7; 90_000];
         let mut offsets = vec![0];
-        for payload in [&noise[..], &flat, &[], &noise[..17], &flat[..90_000], &noise] {
-            offsets.push(writer.append(*offsets.last().unwrap(), payload).unwrap());
+        for (payload, tail) in [
+            (&noise[..], 0),
+            (&flat, 300),
+            (&[], 0),
+            (&noise[..17], 17),
+            (&flat[..90_000], 90_000),
+            (&noise, 9),
+        ] {
+            offsets.push(writer.append(*offsets.last().unwrap(), payload, tail).unwrap());
         }
         writer.flush().unwrap();
         let (mut stored, mut payload) = (Vec::new(), Vec::new());

@@ -12,7 +12,7 @@ use crate::atomic::AtomicFile;
 use crate::error::Error;
 use crate::format::Quantity;
 use crate::load::Model;
-use crate::measure::nearest::Search;
+use crate::measure::nearest::{BLOCK, Search};
 use crate::measure::write_values;
 use crate::platform;
 use crate::progress::Progress;
@@ -21,7 +21,7 @@ use crate::progress::Progress;
 const CHUNK: usize = 4096;
 
 /// Cells between two looks at the resident memory.
-const STEPS: u32 = 256;
+const STEPS: usize = 256;
 
 /// Bytes of a table that are written at a time.
 const TEXT_BYTES: usize = 64 << 10;
@@ -29,7 +29,7 @@ const TEXT_BYTES: usize = 64 << 10;
 /// Gives pages of models back while cells are measured.
 pub(super) struct PageRelief<'a> {
     models: &'a [&'a Model],
-    left: u32,
+    left: usize,
 }
 
 impl<'a> PageRelief<'a> {
@@ -38,10 +38,10 @@ impl<'a> PageRelief<'a> {
         Self { models, left: STEPS }
     }
 
-    /// To be called after each cell of a pass.
+    /// To be called after some cells of a pass.
     #[inline]
-    pub(super) fn step(&mut self) {
-        self.left -= 1;
+    pub(super) fn step(&mut self, cells: usize) {
+        self.left = self.left.saturating_sub(cells);
         if self.left == 0 {
             self.look();
         }
@@ -63,7 +63,8 @@ pub(super) struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// Makes a row of each cell, and passes the rows on in the order of the file. Each worker has a thread.
+    /// Makes a row of each cell, works on up to [`BLOCK`] of them at once, and passes them on in the order of the file. Each
+    /// worker has a thread.
     ///
     /// Memory: the rows of 4,096 cells a worker.
     ///
@@ -73,7 +74,7 @@ impl Pass<'_> {
         &self,
         workers: impl IntoIterator<Item = Search<'s>>,
         row: impl Fn(u64, [u32; 3]) -> R,
-        work: impl Fn(&mut Search<'s>, &mut R) + Sync,
+        work: impl Fn(&mut Search<'s>, &mut [R]) + Sync,
         mut each: impl FnMut(&R) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let Some(measured) = self.models.first() else { return Ok(()) };
@@ -83,9 +84,9 @@ impl Pass<'_> {
         let mut workers: Vec<(Search<'s>, PageRelief<'_>, Vec<R>)> =
             workers.into_iter().map(with_rows).collect();
         let work = |(search, relief, rows): &mut (Search<'s>, PageRelief<'_>, Vec<R>)| {
-            for row in rows {
-                work(search, row);
-                relief.step();
+            for rows in rows.chunks_mut(BLOCK) {
+                work(search, rows);
+                relief.step(rows.len());
             }
         };
         loop {

@@ -5,6 +5,7 @@ use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull
 use super::jet::{CellSamples, Jet};
 use super::sharp_features::{Sharp, SharpCell, directions, near};
 use super::single_fit::{self, SEPARABLE};
+use crate::builder::item::eighth;
 use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -41,7 +42,7 @@ pub(super) struct Batch {
     covers: [u32; BATCH],
     fitted: [u32; BATCH],
     strays: [u32; BATCH],
-    steepness: [f32; BATCH],
+    steepness: [u16; BATCH],
     is_label: bool,
     sharp: Sharp,
 }
@@ -74,7 +75,7 @@ impl Batch {
             covers: [0; BATCH],
             fitted: [0; BATCH],
             strays: [0; BATCH],
-            steepness: [0.0; BATCH],
+            steepness: [0; BATCH],
             is_label: false,
             sharp: Sharp::new(),
         })
@@ -143,10 +144,10 @@ impl Batch {
         dispatch(SteepnessKernel { batch: self, spacing_mm });
     }
 
-    /// Change of depths per mm across the surface of a cell, once it is found: by trilinear interpolation at the mean of the
-    /// crossings; 0 at the border and at edges, which blur rounds.
-    pub(super) fn steepness(&self, at: usize) -> f32 {
-        self.steepness[at]
+    /// Steepness of the cells once it is found, as codes of [`eighth`]: change of depths per mm across the surface, by
+    /// trilinear interpolation at the mean of the crossings; 0 at the border and at edges, which blur rounds.
+    pub(super) fn steepness(&mut self) -> &mut [u16] {
+        &mut self.steepness[..self.len.min(BATCH)]
     }
 
     /// The result for a cell of a fitted batch.
@@ -316,7 +317,7 @@ impl Kernel for SteepnessKernel<'_> {
 
     #[inline(always)]
     fn run(self, _: impl Lanes) {
-        let (b, spacing) = (self.batch, self.spacing_mm);
+        let (b, per_mm) = (self.batch, self.spacing_mm.map(|mm| 1.0 / mm));
         for i in 0..b.len.next_multiple_of(8).min(BATCH) {
             let gradient = [b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]];
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
@@ -324,13 +325,13 @@ impl Kernel for SteepnessKernel<'_> {
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
             let rise =
                 [rise(depth, mean, [0, 1, 2]), rise(depth, mean, [1, 0, 2]), rise(depth, mean, [2, 0, 1])];
-            let [x, y, z] = [gradient[0] / spacing[0], gradient[1] / spacing[1], gradient[2] / spacing[2]];
+            let [x, y, z] = [gradient[0] * per_mm[0], gradient[1] * per_mm[1], gradient[2] * per_mm[2]];
             let length = (x * x + y * y + z * z).sqrt();
-            let along = rise[0] / spacing[0] * x + rise[1] / spacing[1] * y + rise[2] / spacing[2] * z;
+            let along = rise[0] * per_mm[0] * x + rise[1] * per_mm[1] * y + rise[2] * per_mm[2] * z;
             let steepness = (along / length).abs();
             // False for NaN.
             let is_smooth = (across <= EDGE_BEND * EDGE_BEND * square) & (steepness < f32::INFINITY);
-            b.steepness[i] = if is_smooth { steepness } else { 0.0 };
+            b.steepness[i] = if is_smooth { eighth(steepness) as u16 } else { 0 };
         }
     }
 }
@@ -339,16 +340,13 @@ impl Kernel for SteepnessKernel<'_> {
 /// named, too.
 #[inline(always)]
 fn rise(depth: [f32; CORNERS], place: [f32; 3], [axis, u, v]: [usize; 3]) -> f32 {
-    let (u_high, v_high) = (part(place[u]), part(place[v]));
-    let (u_low, v_low) = (1.0 - u_high, 1.0 - v_high);
-    let mut sum = 0.0;
-    for (corner, depth) in depth.iter().enumerate() {
-        let of_u = if corner >> u & 1 == 1 { u_high } else { u_low };
-        let of_v = if corner >> v & 1 == 1 { v_high } else { v_low };
-        let term = of_u * of_v * depth;
-        sum += if corner >> axis & 1 == 1 { term } else { -term };
-    }
-    sum
+    let (at_u, at_v) = (part(place[u]), part(place[v]));
+    let edge = |corner: usize| depth[corner | 1 << axis] - depth[corner];
+    let [low, high] = [
+        edge(0) + at_u * (edge(1 << u) - edge(0)),
+        edge(1 << v) + at_u * (edge(1 << u | 1 << v) - edge(1 << v)),
+    ];
+    low + at_v * (high - low)
 }
 
 /// Part of the way through a cell, 0 to 1, at a place from its middle.

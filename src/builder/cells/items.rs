@@ -9,12 +9,12 @@ pub(super) struct CellItems {
     codes: Vec<u8>,
     offsets: Vec<u8>,
     corners: Vec<u8>,
-    /// Singles: change of values per mm across the surface, 0 where unknown; empty unless the channel is built.
+    /// Codes of steepness (`Batch::take_steepness`); empty unless the channel is built.
     steepness: Vec<u8>,
 }
 
 impl CellItems {
-    pub(super) const BYTES: usize = SLICE_VOXELS * (3 + CORNERS + size_of::<f32>());
+    pub(super) const BYTES: usize = SLICE_VOXELS * (3 + CORNERS + size_of::<u16>());
 
     pub(super) fn new() -> Self {
         Self {
@@ -38,8 +38,8 @@ impl CellItems {
         self.offsets.push(offset.cast_unsigned());
     }
 
-    pub(super) fn push_steepness(&mut self, per_mm: f32) {
-        self.steepness.extend(per_mm.to_le_bytes());
+    pub(super) fn extend_steepness(&mut self, codes: &[u16]) {
+        self.steepness.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
     }
 
     pub(super) fn push(&mut self, cell: CellShape) {

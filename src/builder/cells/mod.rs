@@ -35,7 +35,7 @@ mod window;
 
 use std::sync::{Mutex, PoisonError};
 
-use super::item::ItemForm;
+use super::item::{ItemForm, size_of_eighth};
 use super::lanes::RingSample;
 use super::noise::{self, NoiseCounts, Sides};
 use super::ring::SampleForm;
@@ -90,7 +90,7 @@ fn cell_form(channel: Channel) -> Option<ItemForm> {
 /// The form of a channel of the cells of a volume.
 pub(super) fn volume_cell_form(channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
     match channel {
-        Channel::Steepness => Some(ItemForm::Octaves { low: found.extent.0.into() }),
+        Channel::Steepness => Some(ItemForm::octaves(found.extent)),
         _ => cell_form(channel),
     }
 }
@@ -173,7 +173,7 @@ struct CellWorker<'a, R> {
     spacing_mm: [f32; 3],
     /// Noise counts; `None` unless the uncertainty is requested.
     noise: Option<Counting<'a>>,
-    /// Least and greatest steepness.
+    /// Least code of steepness; the other one is not used.
     extent: (f32, f32),
 }
 
@@ -201,7 +201,8 @@ impl CellSolid<'_> {
         let counted = self.noise.lock().unwrap_or_else(PoisonError::into_inner);
         let Noise { inside, outside, correlation, .. } = counted.as_ref()?.noise(step).unwrap_or_default();
         let known = |v: f64| Some(v * rescale.slope.abs()).filter(|v| v.is_finite()).unwrap_or(0.0);
-        let [inside, outside, steepness] = [inside, outside, found.extent.0.into()].map(known);
+        let [inside, outside, steepness] =
+            [inside, outside, size_of_eighth(found.extent.0.into())].map(known);
         Some(Noise { inside, outside, correlation, steepness })
     }
 }
@@ -253,7 +254,7 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
             return;
         };
         let step = noise::steps(dims);
-        if middle % step[2] != 0 || middle < 3 || z >= dims[2] {
+        if middle % step[2] != step[2] / 2 || middle < 3 || z >= dims[2] {
             return;
         }
         for y in f.column.y.clone().step_by(BRICK as usize) {
@@ -271,18 +272,13 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
         }
         for at in 0..self.batch.len() {
             let outcome = self.batch.outcome(at);
-            if self.noise.is_some() {
-                let is_known = outcome != Outcome::OneByOne;
-                let steepness = if is_known { self.batch.steepness(at) } else { 0.0 };
-                if steepness > 0.0 {
-                    self.extent = (self.extent.0.min(steepness), self.extent.1.max(steepness));
-                }
-                self.items.push_steepness(steepness);
-            }
             if outcome == Outcome::Plane {
                 let (code, offset) = self.batch.plane(at);
                 self.items.push_plane(code, offset);
                 continue;
+            }
+            if outcome == Outcome::OneByOne {
+                self.batch.steepness()[at] = 0;
             }
             let (place, mask) = (self.batch.cell(at), self.batch.mask(at));
             let (is_label, stretch) = (self.is_label, self.stretch);
@@ -301,6 +297,15 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
             } else {
                 single_fit::pick(&cell, || self.field(place, mask))
             });
+        }
+        if self.noise.is_some() {
+            let codes = self.batch.steepness();
+            // The least code but 0, which becomes the greatest number.
+            let least = codes.iter().fold(u16::MAX, |least, code| least.min(code.wrapping_sub(1)));
+            if least < u16::MAX {
+                self.extent.0 = self.extent.0.min(f32::from(least + 1));
+            }
+            self.items.extend_steepness(codes);
         }
         self.batch.clear();
     }

@@ -262,7 +262,7 @@ impl Job<'_> {
         let pass = Pass { models: &[one.model, other.model], progress: self.progress };
         let workers = (0..self.request.threads.max(1)).map(|_| other.surface.search());
         let row = |number, cell| Row { number, cell, ..Row::default() };
-        pass.run(workers, row, |search, row| rule.fill(&one, &other, search, row), each)
+        pass.run(workers, row, |search, rows| rule.fill([&one, &other], search, rows), each)
     }
 
     /// Where the actual model lies.
@@ -283,7 +283,7 @@ impl Job<'_> {
         let models = self.models();
         let mut relief = PageRelief::new(&models);
         let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &mut || {
-            relief.step();
+            relief.step(1);
             self.progress.stopped()
         });
         let Some(found) = found.map_err(|fault| fault.at(self.paths[0]))? else {
@@ -367,7 +367,7 @@ impl Job<'_> {
                     places.add(cell, &place);
                 }
             }
-            relief.step();
+            relief.step(1);
         }
         Ok(self.listed(places))
     }

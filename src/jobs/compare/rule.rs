@@ -4,7 +4,7 @@ use crate::geom::{Affine, VoxelIndex};
 use crate::interior::extent;
 use crate::jobs::info::has_values;
 use crate::load::Model;
-use crate::measure::nearest::{Found, OctreeBox, Query, Search, Surface};
+use crate::measure::nearest::{BLOCK, Found, OctreeBox, Query, Sample, Search, Surface};
 use crate::measure::places::PlaceOut;
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
@@ -144,10 +144,20 @@ impl Measured<'_> {
     }
 
     /// The cell's row but for its deviation, and its normal in the world.
-    #[inline(always)]
     pub(super) fn row(&self, number: u64, cell: [u32; 3], placement: &Affine) -> (Row, [f64; 3]) {
-        let Surface { space, .. } = self.surface;
         let sample = self.surface.sample(self.surface.cell_place(number, cell));
+        self.row_of(&sample, (number, cell), placement)
+    }
+
+    /// The same where its sample is known.
+    #[inline(always)]
+    fn row_of(
+        &self,
+        sample: &Sample,
+        (number, cell): (u64, [u32; 3]),
+        placement: &Affine,
+    ) -> (Row, [f64; 3]) {
+        let Surface { space, .. } = self.surface;
         let at_mm = placement.apply(space.to_world(sample.point));
         let normal = placement.apply_vector(space.direction_to_world(sample.normal));
         let is_border = self.surface.touches_border(cell);
@@ -217,15 +227,24 @@ impl Rule {
         Some((signed, found.place))
     }
 
-    /// Measures the cell of a row that holds its number and index.
-    pub(super) fn fill(
+    /// Measures the cells of rows that hold their numbers and indices.
+    pub(super) fn fill(&self, [one, other]: [&Measured<'_>; 2], search: &mut Search<'_>, rows: &mut [Row]) {
+        let mut samples = [Sample::default(); BLOCK];
+        one.surface.samples(rows.iter().map(|row| (row.number, row.cell)), &mut samples);
+        for (row, sample) in rows.iter_mut().zip(&samples) {
+            self.fill_row([one, other], search, sample, row);
+        }
+    }
+
+    #[inline(always)]
+    fn fill_row(
         &self,
-        one: &Measured<'_>,
-        other: &Measured<'_>,
+        [one, other]: [&Measured<'_>; 2],
         search: &mut Search<'_>,
+        sample: &Sample,
         row: &mut Row,
     ) {
-        let (made, normal) = one.row(row.number, row.cell, &self.placement);
+        let (made, normal) = one.row_of(sample, (row.number, row.cell), &self.placement);
         *row = made;
         if row.is_border {
             return;

@@ -101,7 +101,7 @@ impl Notes {
             let place = surface.cell_place(number, cell);
             ask(surface.sample(place).point);
             surface.facets(place, |_, facet| facet.corners(&mut ask));
-            relief.step();
+            relief.step(1);
             if at % PART == 0 && progress.stopped() {
                 return Err(Error::Stopped);
             }

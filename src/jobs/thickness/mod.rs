@@ -21,7 +21,7 @@ use crate::error::Error;
 use crate::fault::usage;
 use crate::format::{ColorMap, Quantity};
 use crate::load::Model;
-use crate::measure::nearest::{Sample, Search, Surface};
+use crate::measure::nearest::{BLOCK, Sample, Search, Surface};
 use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
 use crate::measure::uncertainty::Uncertainty;
@@ -177,7 +177,11 @@ impl<'a> Job<'a> {
         let pass = Pass { models: &[self.model], progress: self.progress };
         let workers = (0..self.request.threads.max(1)).map(|_| gauge.surface.search());
         let row = |number, cell| Row { number, cell, ..Row::default() };
-        let work = |search: &mut Search<'a>, row: &mut Row| row.fill(&gauge, search);
+        let work = |search: &mut Search<'a>, rows: &mut [Row]| {
+            let mut samples = [Sample::default(); BLOCK];
+            gauge.surface.samples(rows.iter().map(|row| (row.number, row.cell)), &mut samples);
+            rows.iter_mut().zip(&samples).for_each(|(row, sample)| row.fill(&gauge, search, sample));
+        };
         pass.run(workers, row, work, |row| {
             found.add(row);
             let (kept, shown) = match row.thickness {
@@ -211,13 +215,12 @@ impl<'a> Job<'a> {
 }
 
 impl Row {
-    fn fill<'a>(&mut self, gauge: &Gauge<'a>, search: &mut Search<'a>) {
+    fn fill<'a>(&mut self, gauge: &Gauge<'a>, search: &mut Search<'a>, sample: &Sample) {
         let surface = &gauge.surface;
-        let sample: Sample = surface.sample(surface.cell_place(self.number, self.cell));
         self.at_mm = surface.space.to_world(sample.point);
         self.area_mm2 = sample.area;
         if !surface.touches_border(self.cell) && sample.area > 0.0 {
-            (self.thickness, self.u95_mm) = gauge.measure(search, self.number, &sample);
+            (self.thickness, self.u95_mm) = gauge.measure(search, self.number, sample);
         }
     }
 }

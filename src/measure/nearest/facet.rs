@@ -172,13 +172,7 @@ impl Facet {
 
     /// The place on the plane with these coordinates along the first two axes.
     fn lifted(&self, at: [f64; 2], [u, v, w]: [usize; 3]) -> [f64; 3] {
-        self.lifted_by(at, [u, v, w], 1.0 / self.normal[w])
-    }
-
-    /// The same with the reciprocal of the normal's third component.
-    #[inline]
-    fn lifted_by(&self, at: [f64; 2], [u, v, w]: [usize; 3], steepness: f64) -> [f64; 3] {
-        let rise = (self.offset - self.normal[u] * at[0] - self.normal[v] * at[1]) * steepness;
+        let rise = (self.offset - self.normal[u] * at[0] - self.normal[v] * at[1]) * (1.0 / self.normal[w]);
         let mut place = self.middle;
         (place[u], place[v]) = (place[u] + at[0], place[v] + at[1]);
         place[w] += clamped(rise, self.half[w]);
@@ -192,49 +186,56 @@ impl Facet {
     }
 
     /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
-    #[inline(always)]
+    #[inline]
     pub(crate) fn section(&self) -> (f64, [f64; 3]) {
-        let axes @ [u, v, w] = self.axes();
-        // Rise of the plane across the box along the two axes, and the heights over its lowest corner of the two lines.
-        let [rise, other] = [u, v].map(|a| 2.0 * self.normal[a].abs() * self.half[a]);
-        let (sum, reach) = (rise + other, self.normal[w].abs() * self.half[w]);
-        let [low, high] = [-reach, reach].map(|r| {
-            let line = positive(self.offset + sum / 2.0 + r);
-            if line > sum { sum } else { line }
-        });
-        let steepness = 1.0 / self.normal[w];
-        let face = 4.0 * self.half[u] * self.half[v] * steepness.abs();
-        if high - low == sum && self.offset.abs() <= reach * (1.0 + 1e-12) {
-            return (face, self.lifted_by([0.0; 2], axes, steepness));
-        }
-        // Area and moments below a line, in units of rise: of the triangle at the lowest corner, without those beyond the
-        // two sides.
-        let below = |line: f64| {
-            let [all, across, along] = [line, line - rise, line - other].map(positive);
-            let [two, two_across, two_along] = [all, across, along].map(|t| t * t / 2.0);
-            let cubes = (all * two - across * two_across - along * two_along) / 3.0;
-            [two - two_across - two_along, cubes - rise * two_across, cubes - other * two_along]
-        };
-        let ([least, most], [low, high]) = ([rise.min(other), rise.max(other)], [low, high].map(below));
-        let [area, first, second] = [0, 1, 2].map(|i| high[i] - low[i]);
-        let whole = rise * other;
-        if least < ROUNDED * most || area < ROUNDED * whole {
-            return self.section_by_corners(axes);
-        }
-        let reciprocal = 1.0 / (area * whole);
-        // Part of the way along an axis, 0 to 2.
-        let at = |a: usize, part: f64| {
-            let at = self.half[a] * (part - 1.0);
-            if self.normal[a] < 0.0 { -at } else { at }
-        };
-        let centroid =
-            [(u, first * other), (v, second * rise)].map(|(a, part)| at(a, 2.0 * part * reciprocal));
-        (face * (area * area * reciprocal), self.lifted_by(centroid, axes, steepness))
+        let (area, centroid) = self.section_by_heights();
+        if area.is_nan() { self.section_by_corners() } else { (area, centroid) }
     }
 
-    /// The same from the corners: for slivers and planes along an axis.
+    /// The same in closed form, without branches so that loops over facets vectorise; NaN for the area of slivers and
+    /// planes along an axis, where rounding would show.
+    #[inline(always)]
+    pub(super) fn section_by_heights(&self) -> (f64, [f64; 3]) {
+        // Values along the two axes that the facet faces least, and the third, as in `axes`.
+        let [x, y, z] = [self.normal[0].abs(), self.normal[1].abs(), self.normal[2].abs()];
+        let (is_x, is_y) = ((x >= y) & (x >= z), y >= z);
+        let of_u = |v: [f64; 3]| select(is_x, v[1], select(is_y, v[2], v[0]));
+        let of_v = |v: [f64; 3]| select(is_x, v[2], select(is_y, v[0], v[1]));
+        let of_w = |v: [f64; 3]| select(is_x, v[0], select(is_y, v[1], v[2]));
+        let (normal_u, normal_v, normal_w) = (of_u(self.normal), of_v(self.normal), of_w(self.normal));
+        let (half_u, half_v, half_w) = (of_u(self.half), of_v(self.half), of_w(self.half));
+        // Rise of the plane across the box along the two axes, and the heights over its lowest corner of the two lines.
+        let (rise, other) = (2.0 * normal_u.abs() * half_u, 2.0 * normal_v.abs() * half_v);
+        let (sum, reach) = (rise + other, normal_w.abs() * half_w);
+        let low = least(positive(self.offset + sum / 2.0 - reach), sum);
+        let high = least(positive(self.offset + sum / 2.0 + reach), sum);
+        let steepness = 1.0 / normal_w;
+        let face = 4.0 * half_u * half_v * steepness.abs();
+        let is_whole = (high - low == sum) & (self.offset.abs() <= reach * (1.0 + 1e-12));
+        let (low, high) = (below(low, rise, other), below(high, rise, other));
+        let (area, first, second) = (high.0 - low.0, high.1 - low.1, high.2 - low.2);
+        let whole = rise * other;
+        let is_rounded = (rise < ROUNDED * other) | (other < ROUNDED * rise) | (area < ROUNDED * whole);
+        let reciprocal = 1.0 / (area * whole);
+        // Part of the way along an axis, 0 to 2.
+        let at_u = half_u * (2.0 * (first * other) * reciprocal - 1.0);
+        let at_v = half_v * (2.0 * (second * rise) * reciprocal - 1.0);
+        let at_u = select(is_whole, 0.0, select(normal_u < 0.0, -at_u, at_u));
+        let at_v = select(is_whole, 0.0, select(normal_v < 0.0, -at_v, at_v));
+        let at_w = clamped((self.offset - normal_u * at_u - normal_v * at_v) * steepness, half_w);
+        let area = select(is_rounded, f64::NAN, face * (area * area * reciprocal));
+        let centroid = [
+            self.middle[0] + select(is_x, at_w, select(is_y, at_v, at_u)),
+            self.middle[1] + select(is_x, at_u, select(is_y, at_w, at_v)),
+            self.middle[2] + select(is_x, at_v, select(is_y, at_u, at_w)),
+        ];
+        (select(is_whole, face, area), centroid)
+    }
+
+    /// The same from the corners.
     #[cold]
-    pub(super) fn section_by_corners(&self, axes: [usize; 3]) -> (f64, [f64; 3]) {
+    pub(super) fn section_by_corners(&self) -> (f64, [f64; 3]) {
+        let axes = self.axes();
         // Twice the area, and six times the moments, of the triangles between the first corner and two others.
         let (mut first, mut last) = (None, [0.0; 2]);
         let (mut twice, mut sum) = (0.0, [0.0; 2]);
@@ -252,6 +253,27 @@ impl Facet {
         let at = [0, 1].map(|k| origin[k] + sum[k] / (3.0 * twice));
         (twice / 2.0 / self.normal[axes[2]].abs(), self.lifted(at, axes))
     }
+}
+
+/// Area and moments of a section below a line, in units of rise: of the triangle at the lowest corner, without those beyond
+/// the two sides.
+#[inline(always)]
+fn below(line: f64, rise: f64, other: f64) -> (f64, f64, f64) {
+    let (all, across, along) = (positive(line), positive(line - rise), positive(line - other));
+    let (two, two_across, two_along) = (all * all / 2.0, across * across / 2.0, along * along / 2.0);
+    let cubes = (all * two - across * two_across - along * two_along) / 3.0;
+    (two - two_across - two_along, cubes - rise * two_across, cubes - other * two_along)
+}
+
+#[inline(always)]
+fn select(is_first: bool, first: f64, second: f64) -> f64 {
+    if is_first { first } else { second }
+}
+
+/// The lesser of two numbers that are not NaN.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// A number, or 0 in place of a negative one.

@@ -13,6 +13,7 @@
 //! | [`facet`] | a plane clipped to its box: bound, nearest point, area |
 //! | [`space`] | the frame |
 //! | [`tree`] | the search: from the last answer's cell, nearest child first |
+//! | [`samples`] | the places that stand for cells, a block at once |
 //! | [`bricks`] | decoded facets of the bricks that were asked last |
 //! | [`side`] | inside or outside |
 //! | [`overlap`] | how far two bodies overlap, or are apart |
@@ -20,6 +21,7 @@
 mod bricks;
 mod facet;
 mod overlap;
+mod samples;
 mod side;
 mod space;
 #[cfg(test)]
@@ -28,6 +30,7 @@ mod tree;
 
 pub(crate) use facet::Facet;
 pub(crate) use overlap::Gap;
+pub(crate) use samples::{BLOCK, Sample};
 pub(crate) use side::Side;
 pub(crate) use space::Space;
 pub(crate) use tree::{Found, Query, Search};
@@ -47,16 +50,6 @@ pub(crate) struct OctreeBox {
     pub(crate) number: BoxIndex,
     pub(crate) low: [u32; 3],
     pub(crate) level: u32,
-}
-
-/// A place of the surface, in the frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Sample {
-    pub(crate) point: [f64; 3],
-    /// Unit vector out of the surface.
-    pub(crate) normal: [f64; 3],
-    /// Area of the surface that it stands for, in mm2.
-    pub(crate) area: f64,
 }
 
 /// The surface of a model of cells.
@@ -150,33 +143,6 @@ impl<'a> Surface<'a> {
             0 => self.cells.shape(self.cell(number)),
             _ => CellShape::Plane(self.view.leaf_plane(number.node())),
         }
-    }
-
-    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all;
-    /// the middle of a cell without any.
-    #[inline(always)]
-    pub(crate) fn sample(&self, place: OctreeBox) -> Sample {
-        let CellShape::Plane(plane) = self.shape(place) else { return self.largest(place) };
-        let facet = self.facet(place.low, place.level, plane.normal, f64::from(plane.offset));
-        let (area, point) = facet.section();
-        Sample { point, normal: facet.normal, area }
-    }
-
-    /// The same of a cell with corners.
-    #[inline(never)]
-    fn largest(&self, place: OctreeBox) -> Sample {
-        let (mut sample, mut largest) = (Sample::default(), -1.0);
-        self.facets(place, |_, facet| {
-            let (area, point) = facet.section();
-            sample.area += area;
-            if area > largest {
-                (largest, sample.point, sample.normal) = (area, point, facet.normal);
-            }
-        });
-        if largest < 0.0 {
-            sample.point = self.middle(place.low, place.level).0;
-        }
-        sample
     }
 
     /// The place of a cell, by its number and index.

@@ -153,7 +153,7 @@ fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
         }
         let (area, centroid) = facet.section();
         assert!(area >= 0.0 && facet.height(centroid).abs() < 1e-9 && is_within(centroid));
-        let (due, place) = facet.section_by_corners(facet.axes());
+        let (due, place) = facet.section_by_corners();
         assert!((area - due).abs() < 1e-9 && facet::minus(centroid, place).iter().all(|c| c.abs() < 1e-7));
     }
     // A face, half a face's diagonal, a corner.
