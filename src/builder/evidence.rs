@@ -111,6 +111,9 @@ pub(super) const MAX_LABELS: usize = 1024;
 /// sequence.
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
+/// Least flat share of maps of small islands in 0, and greatest share of their differences between other values.
+const ISLAND_FLAT: f64 = 0.25;
+const TOUCHING: f64 = 0.05;
 /// Least flat share of maps whose labels are nested in any order, and least share of the differences that skip
 /// intermediate values with more than a sample on either side: a picture's edges pass through these greys.
 const NESTED_FLAT: f64 = 0.5;
@@ -128,6 +131,8 @@ const DISPLAY: u64 = 250;
 /// Greatest share of the differences next to single samples unlike both neighbours, as in noise, where little is flat;
 /// greatest share of two values that meet in this way alone.
 const SPIKES: f64 = 0.25;
+/// Share of spikes up to which few values that are not flat may be thin labels.
+const FEW_SPIKES: f64 = 0.02;
 const ROUGH_FLAT: f64 = 0.75;
 const ALL_SPIKES: f64 = 0.8;
 const NOISE: f64 = 0.05;
@@ -408,19 +413,26 @@ impl Evidence {
             return None;
         }
         let flat = part(self.alike, self.alike + self.differ);
-        let sum = |of: fn(&Pair) -> u64| self.pairs.iter().map(of).sum();
-        let (all, spikes) = (sum(|pair| pair.count), sum(|pair| pair.spikes));
-        let is_rough = part(spikes, all) > SPIKES && flat < ROUGH_FLAT;
-        let touch_none = flat >= FLAT && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
-        let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
+        let all = self.pairs.iter().map(|pair| pair.count).sum();
+        let is_rough = self.spikes() > SPIKES && flat < ROUGH_FLAT;
+        let jump = part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+        let are_islands =
+            flat >= ISLAND_FLAT && jump && part(self.differ - self.jumps, self.differ) <= TOUCHING;
+        let is_map = are_islands || !is_rough && (flat >= FLAT && jump || self.are_nested(flat, all));
         let levels = if self.is_ramp(all) { Levels::Greys(values) } else { Levels::Labels(values - 1) };
         is_map.then_some(levels)
     }
 
-    /// True for few values that are flat, below 0 or not whole: they may be labels all the same.
+    /// True for few values that are flat or without noise, below 0 or not whole: they may be labels all the same.
     pub(super) fn may_be_labels(&self, values: usize) -> bool {
         let is_flat = part(self.alike, self.alike + self.differ) >= FLAT;
-        (3..=ORDERED + 1).contains(&values) && (is_flat || !self.may_be_map)
+        (3..=ORDERED + 1).contains(&values) && (is_flat || !self.may_be_map || self.spikes() <= FEW_SPIKES)
+    }
+
+    /// Share of the differences next to single samples unlike both neighbours.
+    fn spikes(&self) -> f64 {
+        let sum = |of: fn(&Pair) -> u64| self.pairs.iter().map(of).sum();
+        part(sum(|pair| pair.spikes), sum(|pair| pair.count))
     }
 
     /// True for a ramp of greys: values in even steps that follow each other in order, with hardly any but the first

@@ -21,7 +21,7 @@ use crate::fault::{Fault, bad};
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
-use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part, triangles_part};
+use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part, parts_with_room, triangles_part};
 use crate::platform::give_back;
 use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
 use crate::volume::{SourceError, VolumeSource};
@@ -30,7 +30,7 @@ use crate::volume::{SourceError, VolumeSource};
 const FEW_BYTES: u64 = 64 << 10;
 
 /// Most bodies that go through bins.
-const MAX_BINNED: usize = 8;
+const MAX_BINNED: usize = 64;
 
 /// True if a leaf lies where its file says.
 fn is_unmoved(affine: &Affine) -> bool {
@@ -202,17 +202,18 @@ impl<'a, 't> Importer<'a, 't> {
     ) -> Result<Option<SampledLeaf<'a>>, BuildError> {
         let Leaf::Body(body) = leaf else { return Ok(None) };
         let surface = body.surface();
-        if !body.is_large() || *bodies == MAX_BINNED || self.options.volume_surface() != SurfaceKind::Cells {
+        let most = parts_with_room(place.dims, self.options).saturating_sub(meshes).min(MAX_BINNED);
+        if !body.is_large() || *bodies >= most || self.options.volume_surface() != SurfaceKind::Cells {
             return Ok(None);
         }
         let large = |node: &Node| match node {
             Node::Leaf { shape, .. } => matches!(&**shape, Shape::Faces(f) if f.triangles.len() >= BINNED),
             _ => false,
         };
-        let parts = meshes + self.tree.nodes.iter().filter(|node| large(node)).count().min(MAX_BINNED);
-        let made = triangles_part(surface, place.dims, parts, self.options, &self.scratch, self.progress)?;
-        *bodies += usize::from(made.is_some());
-        Ok(made.map(|solid| SampledLeaf { solid: Box::new(solid), gives_outwards: false }))
+        let parts = meshes + self.tree.nodes.iter().filter(|node| large(node)).count().min(most);
+        let solid = triangles_part(surface, place.dims, parts, self.options, &self.scratch, self.progress)?;
+        *bodies += 1;
+        Ok(Some(SampledLeaf { solid: Box::new(solid), gives_outwards: false }))
     }
 
     /// A flat tree, with leaves made by `make`.

@@ -194,8 +194,13 @@ fn part_options(dims: Dims) -> MeshOptions {
     MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
 }
 
-/// A closed surface of triangles in memory, on the lattice, as [`mesh_part`] has one of a file; `None` where `parts`
-/// parts do not have ample room.
+/// Surfaces of [`triangles_part`] that have ample room.
+pub(crate) fn parts_with_room(dims: Dims, options: &BuildOptions) -> usize {
+    let ample = 4 * least_share(&part_options(dims), options);
+    usize::try_from(Budget::of_job(options.memory).left_bytes() / ample.max(1)).unwrap_or(usize::MAX)
+}
+
+/// A closed surface of triangles in memory, on the lattice, as [`mesh_part`] has one of a file, among `parts` parts.
 ///
 /// # Errors
 /// The scratch file cannot be written.
@@ -206,17 +211,13 @@ pub(crate) fn triangles_part(
     options: &BuildOptions,
     scratch: &Path,
     progress: &dyn Progress,
-) -> Result<Option<MeshSolid>, BuildError> {
+) -> Result<MeshSolid, BuildError> {
     let mesh = part_options(dims);
-    let (parts, ample) = (parts.max(1), 4 * least_share(&mesh, options));
-    if Budget::of_job(options.memory).left_bytes() / (parts as u64) < ample {
-        return Ok(None);
-    }
     let (scratch, reach) = (scratch.to_path_buf(), Arc::default());
     let front = Importer { inputs: &[], mesh: &mesh, options, scratch, progress, placed: None, reach };
     let mut solid = front.of_triangles(triangles, rule)?;
-    solid.resident = (solid.resident / parts).max(MIN_RESIDENT);
-    Ok(Some(solid))
+    solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
+    Ok(solid)
 }
 
 /// Memory in which a mesh of nearly any kind is built.

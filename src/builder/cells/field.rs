@@ -17,15 +17,26 @@ fn mean(depths: impl Iterator<Item = f32>) -> Option<f32> {
 pub(super) struct Field {
     depth: [[[f32; EDGE]; EDGE]; EDGE],
     inside: [[[bool; EDGE]; EDGE]; EDGE],
+    /// True for samples beyond the volume.
+    beyond: [[[bool; EDGE]; EDGE]; EDGE],
 }
 
 impl Field {
-    pub(super) const EMPTY: Self =
-        Self { depth: [[[0.0; EDGE]; EDGE]; EDGE], inside: [[[false; EDGE]; EDGE]; EDGE] };
+    pub(super) const EMPTY: Self = Self {
+        depth: [[[0.0; EDGE]; EDGE]; EDGE],
+        inside: [[[false; EDGE]; EDGE]; EDGE],
+        beyond: [[[false; EDGE]; EDGE]; EDGE],
+    };
 
     pub(super) fn set(&mut self, [x, y, z]: [usize; 3], depth: f32, inside: bool) {
         self.depth[z][y][x] = depth;
         self.inside[z][y][x] = inside;
+    }
+
+    /// Sets a sample beyond the volume, which is outside.
+    pub(super) fn set_beyond(&mut self, [x, y, z]: [usize; 3], depth: f32) {
+        self.set([x, y, z], depth, false);
+        self.beyond[z][y][x] = true;
     }
 
     /// Replaces samples that are NaN or infinite: each gets the mean depth of its neighbours on the other side, so that
@@ -72,18 +83,23 @@ impl Field {
         jet_of(|[x, y, z]| self.depth[z + 1][y + 1][x + 1])
     }
 
-    /// True if all inside depths are equal, and all outside depths are equal.
+    /// True if all inside depths of the volume are equal, and all outside depths are equal.
     pub(super) fn has_two_values(&self) -> bool {
         let (mut of_inside, mut of_outside) = (None, None);
         let depths = self.depth.as_flattened().as_flattened();
         let sides = self.inside.as_flattened().as_flattened();
-        depths.iter().zip(sides).all(|(depth, inside)| {
+        let beyond = self.beyond.as_flattened().as_flattened();
+        depths.iter().zip(sides).zip(beyond).all(|((depth, inside), is_beyond)| {
             let of = if *inside { &mut of_inside } else { &mut of_outside };
-            *of.get_or_insert(*depth) == *depth
+            *is_beyond || *of.get_or_insert(*depth) == *depth
         })
     }
 
-    pub(super) fn is_inside(&self, [x, y, z]: [usize; 3]) -> bool {
-        self.inside[z][y][x]
+    /// The sides, of which the outermost go on beyond.
+    pub(super) fn sides(&self) -> impl Fn([usize; 3]) -> bool {
+        |at| {
+            let [x, y, z] = at.map(|i| i.clamp(1, EDGE) - 1);
+            self.inside[z][y][x]
+        }
     }
 }

@@ -27,7 +27,6 @@ mod field;
 mod fit;
 mod items;
 mod jet;
-mod label;
 pub(super) mod larger;
 mod sharp_features;
 mod single_fit;
@@ -235,9 +234,11 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
                 for (i, (x, is_sample)) in xs.into_iter().enumerate() {
                     let exists = is_slice && is_row && is_sample;
                     let depth = SampleForm::depth_from(row[x], self.level);
-                    let inside = exists && form.is_inside(row[x]);
-                    let depth = if exists { depth } else { -depth.abs() - form.unit };
-                    field.set([i, j, k], depth, inside);
+                    if exists {
+                        field.set([i, j, k], depth, form.is_inside(row[x]));
+                    } else {
+                        field.set_beyond([i, j, k], -depth.abs() - form.unit);
+                    }
                 }
             }
         }

@@ -4,19 +4,16 @@
 //! gradient of the trilinear interpolation at their mean, and near the direction from the inside corners to the outside
 //! ones. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than
 //! [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which the surface
-//! strays from the plane ([`super::anisotropy`]).
+//! strays from the plane ([`super::anisotropy`]). Where all samples around have one value inside and one outside, the
+//! cell has the plane of a label ([`mask_plane`]).
 
 use super::anisotropy::{Anisotropy, Fit};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
-use super::label;
+use crate::builder::labels::mask_plane;
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{cross, dot};
-
-/// Depth by which the plane of a cell between two values may cover an outside corner, in voxels: the surface may lie
-/// anywhere between the samples.
-const LABEL_TOLERANCE: f32 = 0.5;
 
 /// Mean of the crossings of a cell's edges, in voxels from its middle.
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
@@ -53,11 +50,9 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(cell.depth[c], inside(c)));
     if cell.is_label || has_two_values(cell.mask, &depth) {
         let field = field();
-        if (cell.is_label || field.has_two_values())
-            && let Some((code, value)) = label::plane(&field)
-        {
-            let tried = PlaneFit::at(code, cell.mask, value);
-            return tried.picked(cell.mask, &depth, LABEL_TOLERANCE);
+        if cell.is_label || field.has_two_values() {
+            let plane = mask_plane(field.sides(), cell.mask);
+            return plane.map_or_else(|| with_corners(cell), |(code, offset)| CellShape::Plane(code, offset));
         }
     }
     if !SEPARABLE[usize::from(cell.mask)] {

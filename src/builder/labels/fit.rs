@@ -7,8 +7,10 @@
 //! corners, it is turned until it does. Of three labels, one is separated from the others first: the one with the
 //! fewest turned planes.
 
-use super::wall::{Fit, MAX_SMOOTH, Wall, Window};
-use crate::cpu::{Kernel, Lanes};
+use std::sync::LazyLock;
+
+use super::wall::{Fit, MAX_SMOOTH, Samples, Wall, Window};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{CornerLabels, WallItem, normal};
 
@@ -94,6 +96,31 @@ pub(super) fn fit_cell(
     }
     let item = WallItem { labels: *corners, planes: None };
     Fitted::Item(smooth((isa, fit), window, corners, labels[0]), item)
+}
+
+/// The plane between the inside and the outside of a mask in a cell: code of its normal, and offset; `None` where none
+/// separates the corners. `is_inside` tells the 8^3 samples around the cell, `mask` the inside corners.
+pub(in crate::builder) fn mask_plane(is_inside: impl Fn([usize; 3]) -> bool, mask: u8) -> Option<(u16, i8)> {
+    static FIT: LazyLock<CellFit> = LazyLock::new(|| CellFit::new(MAX_SMOOTH));
+    let samples = Samples::of(|at| u16::from(is_inside(at)));
+    let corners = std::array::from_fn(|corner| u16::from(mask >> corner & 1));
+    dispatch(MaskKernel { fit: &FIT, samples: &samples, corners: &corners })
+}
+
+struct MaskKernel<'a> {
+    fit: &'a CellFit,
+    samples: &'a Samples,
+    corners: &'a CornerLabels,
+}
+
+impl Kernel for MaskKernel<'_> {
+    type Output = Option<(u16, i8)>;
+
+    #[inline(always)]
+    fn run(self, isa: impl Lanes) -> Option<(u16, i8)> {
+        let found = parting((isa, self.fit), &self.samples.window(), self.corners, 1, Some(0))?;
+        Some((found.code, found.offset))
+    }
 }
 
 /// Three labels, separated by two planes.

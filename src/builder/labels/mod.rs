@@ -37,6 +37,7 @@ use crate::volume::{SourceError, StatedLabel, VolumeSource};
 use crate::fault::{Fault, bad, unfit, usage};
 use cells::CellWorker;
 pub(super) use cells::worker_bytes;
+pub(super) use fit::mask_plane;
 use ring::ConvertRow;
 pub use wall::MAX_SMOOTH;
 

@@ -151,6 +151,11 @@ impl Window<'_> {
 }
 
 impl Samples {
+    /// Samples by their places along x, y, z.
+    pub(super) fn of(label: impl Fn([usize; 3]) -> u16) -> Self {
+        Self(std::array::from_fn(|z| std::array::from_fn(|at| label([at % WINDOW, at / WINDOW, z]))))
+    }
+
     pub(super) fn window(&self) -> Window<'_> {
         Window { slices: self.0.each_ref().map(|slice| &slice[..]), first: 0, stride: WINDOW }
     }

@@ -6,6 +6,7 @@ use std::path::Path;
 use infobyte::builder::Tolerance;
 use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume};
 use infobyte::format::{SectionKind, Selection, SelectionKind, SurfaceKind};
+use infobyte::jobs::measure::measure;
 use infobyte::volume::{SourceError, VolumeInfo};
 use infobyte::{BuildOptions, CleanOptions, Dims, Model, Threshold, VolumeSource, Voxels, clean_and_build};
 
@@ -66,6 +67,68 @@ fn every_label_is_inside_and_a_note_says_so() {
     // A mask has one label: any threshold is right.
     let mask = Voxels::from_fn(dims(), |p| 255 * u8::from(label(p, &many) > 0));
     assert_eq!((chosen(&mask).kind, report(&mask).notes.len()), (SelectionKind::Otsu, 0));
+}
+
+/// Contacts and vessels two voxels wide are labels, however little of them is flat; shells one voxel thick may be greys,
+/// which a note says.
+#[test]
+fn small_and_thin_labels_are_labels() {
+    let contacts = |p: [u32; 3]| match p.map(|c| c % 8 < 2) {
+        [true, true, true] => 1 + (p[0] / 8 + p[1] / 8 + p[2] / 8) as u8,
+        _ => 0,
+    };
+    let vessels = |p: [u32; 3]| match (p[0] % 10 < 2, p[1] % 10 < 2) {
+        (true, true) => 1 + (p[0] / 10 + 6 * (p[1] / 10)) as u8,
+        _ => 0,
+    };
+    let maps: [(&dyn Fn([u32; 3]) -> u8, usize); 2] = [(&contacts, 17), (&vessels, 43)];
+    for (label, most) in maps {
+        let BuildReport { selection, notes, .. } = report(&Voxels::from_fn(dims(), label));
+        assert_eq!((selection.kind, selection.lo), (SelectionKind::Iso, 1.0), "{most}");
+        assert!(matches!(notes[..], [BuildNote::Labels { count }] if count <= most), "{most} {notes:?}");
+    }
+    let thin = [(20.0, 1), (19.0, 2), (18.0, 3), (17.0, 0)];
+    let notes = report(&Voxels::from_fn(dims(), |p| shells(p, &thin, 0.0))).notes;
+    assert!(
+        matches!(notes[..], [BuildNote::Greys { count: 4 } | BuildNote::Labels { count: 3 }]),
+        "{notes:?}"
+    );
+}
+
+/// A mask has the same surface wherever it lies in its volume, whatever its numbers are, and thin parts stay.
+#[test]
+fn masks_keep_their_size_at_the_border_and_where_they_are_thin() {
+    let measured = |volume: &dyn VolumeSource, threshold: Threshold| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.oct");
+        let options = BuildOptions { threshold, ..BuildOptions::default() };
+        build_volume(volume, &options, &path, &Silent).unwrap();
+        let model = Model::open(&path).unwrap();
+        let found = measure(&model.view(), model.dims(), &model.affine(), false).unwrap();
+        found.volume_mm3.unwrap().0
+    };
+    let side = Dims::new(24, 24, 24).unwrap();
+    let box_at = |margin: u32, size: [u32; 3]| {
+        move |p: [u32; 3]| (0..3).all(|a| (margin..margin + size[a]).contains(&p[a]))
+    };
+    let due = measured(&Voxels::from_fn(side, |p| u8::from(box_at(5, [14; 3])(p))), Threshold::Iso(0.5));
+    assert!((due / 14.0_f64.powi(3) - 1.0).abs() < 0.02, "{due}");
+    for margin in 1..=4 {
+        let inside = box_at(margin, [14; 3]);
+        for threshold in [Threshold::Otsu, Threshold::Iso(1.0), Threshold::Range(1.0, 1.0)] {
+            let of = measured(&Voxels::from_fn(side, |p| u8::from(inside(p))), threshold);
+            assert!((of - due).abs() < 1e-6, "{margin} {threshold:?}: {of}, {due}");
+        }
+        let float =
+            measured(&Voxels::from_fn(side, |p| if inside(p) { 7.5_f32 } else { -2.0 }), Threshold::Otsu);
+        let wide = measured(&Voxels::from_fn(side, |p| 255 * u16::from(inside(p))), Threshold::Otsu);
+        assert!((float - due).abs() < 1e-6 && (wide - due).abs() < 1e-6, "{margin}: {float}, {wide}, {due}");
+    }
+    for (size, least) in [([12, 12, 1], 0.9), ([12, 12, 2], 0.85), ([12, 12, 3], 0.9)] {
+        let of = measured(&Voxels::from_fn(side, |p| u8::from(box_at(6, size)(p))), Threshold::Otsu);
+        let voxels = f64::from(size.iter().product::<u32>());
+        assert!((least..1.02).contains(&(of / voxels)), "{size:?}: {of} of {voxels}");
+    }
 }
 
 /// How far a voxel is from the middle, in voxels.
