@@ -46,6 +46,14 @@ fn seldom_forms_give_the_same_model() {
         let noted = notes.iter().any(|note| note.contains("bytes behind the"));
         assert!(made == expected && noted == (more >= 50), "{more}: {notes:?}");
     }
+    let (mut magics, mut viscam) = (body.stl(), body.stl());
+    magics[..10].copy_from_slice(b"COLOR=\xff\x80\x20\xff");
+    viscam[133] |= 0x80;
+    for coloured in [magics, viscam] {
+        let (made, notes) = build(folder.path(), "a.stl", &coloured).unwrap();
+        let noted = notes.iter().any(|note| note.contains("has colours, which are not read from STL"));
+        assert!(made == expected && noted, "{notes:?}");
+    }
     let (little, seldom) = ("binary_little_endian", seldom_ply(&body, "binary_big_endian", 2));
     for (ply, most) in [(body.ply(little), 15), (seldom, 13), (seldom_ply(&body, little, 1), usize::MAX)] {
         for more in [0, 1, 12, 13, 14, 15, 1000] {

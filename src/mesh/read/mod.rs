@@ -229,7 +229,7 @@ impl MeshFile {
         let kind = match format {
             Format::Stl => match stl::triangles(&head, bytes)? {
                 Some((triangles, behind)) => {
-                    let lacks = stl::lack(triangles, behind).into_iter().collect();
+                    let lacks = stl::lack(triangles, behind).into_iter().chain(stl::colours(&head)).collect();
                     return Ok((
                         Kind::StlBinary { file, triangles },
                         Summary { lacks, ..Summary::default() },

@@ -36,10 +36,24 @@ pub(crate) fn cut(corners: &[[f64; 3]]) -> Option<Vec<[u32; 3]>> {
         .iter()
         .map(|p| [p[(axis + 1) % 3] - first[(axis + 1) % 3], p[(axis + 2) % 3] - first[(axis + 2) % 3]]);
     let flat: Vec<[f64; 2]> = plane.collect();
+    // Of corners that are listed several times in a row the first is cut: no ear can be clipped between them.
+    let is_first = |at: &usize| corners[*at] != corners[(at + count - 1) % count];
+    let once: Vec<usize> = (0..count).filter(is_first).collect();
     let mut numbers: Vec<u32> = Vec::new();
-    Earcut::new().earcut(flat.iter().copied(), &[] as &[u32], &mut numbers);
+    Earcut::new().earcut(once.iter().map(|at| flat[*at]), &[] as &[u32], &mut numbers);
     let mut triangles = numbers.as_chunks::<3>().0.to_vec();
-    closed(&mut triangles, u32::try_from(count).ok()?)?;
+    closed(&mut triangles, u32::try_from(once.len()).ok()?)?;
+    let number = |at: usize| u32::try_from(at % count).ok();
+    for corner in triangles.as_flattened_mut() {
+        *corner = number(once[*corner as usize])?;
+    }
+    // The others make triangles without area.
+    for (at, first) in once.iter().enumerate() {
+        let end = once.get(at + 1).copied().unwrap_or(once[0] + count);
+        for other in first + 1..end {
+            triangles.push([number(*first)?, number(other)?, number(other + 1)?]);
+        }
+    }
     // The triangles cover the same area as the polygon, unless it crosses itself.
     let area = |[a, b, c]: [u32; 3]| {
         let [a, b, c] = [a, b, c].map(|at| flat[at as usize]);
@@ -123,7 +137,8 @@ mod tests {
         let square = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]];
         let arrow = [[0.0, 0.0], [10.0, 5.0], [0.0, 10.0], [2.0, 5.0]];
         let mut cut_up = 0;
-        for flat in [&u[..], &lined, &star, &square, &arrow] {
+        let doubled: Vec<[f64; 2]> = u.iter().flat_map(|corner| [*corner; 2]).collect();
+        for flat in [&u[..], &lined, &star, &square, &arrow, &doubled] {
             let shoelace = |at: usize| {
                 let ([a, b], [c, d]) = (flat[at], flat[(at + 1) % flat.len()]);
                 a * d - b * c

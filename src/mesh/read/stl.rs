@@ -44,6 +44,15 @@ pub(super) fn lack(triangles: u64, behind: u64) -> Option<String> {
     (behind >= RECORD).then(|| format!("has {behind} bytes behind the {triangles} triangles that it states, which were left out; copy it again if triangles are missing"))
 }
 
+/// The note on colours of a binary file: of the header, as Magics writes them, or of the first triangle, as VisCAM does.
+pub(super) fn colours(head: &[u8]) -> Option<String> {
+    let in_header = head.get(..80).is_some_and(|head| head.windows(6).any(|word| word == b"COLOR="));
+    let in_triangle = head.get(132..134).is_some_and(|bits| bits[1] & 0x80 != 0);
+    (in_header || in_triangle).then(|| {
+        "has colours, which are not read from STL; the model lacks them: write it as PLY, OBJ or glTF".into()
+    })
+}
+
 /// True if it begins like text.
 pub(super) fn is_text(head: &[u8]) -> bool {
     let head = plain_head(head);

@@ -51,7 +51,9 @@ const PARTS: RangeInclusive<f64> = -0.001..=1.001;
 /// A part outside 0 to 1, such as one out of 255, or NaN.
 pub(super) fn light(stored: [f64; 3]) -> Result<[f32; 3], Fault> {
     match stored.into_iter().find(|part| !PARTS.contains(part)) {
-        Some(part) => Err(bad!("{part} is not a part of a colour, from 0 to 1; correct its colours")),
+        Some(part) => Err(bad!(
+            "{part} is not a part of a colour, from 0 to 1 (in PLY to 255 as uchar); correct its colours"
+        )),
         None => Ok(single(stored).map(|c| linear(c.clamp(0.0, 1.0)))),
     }
 }

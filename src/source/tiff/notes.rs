@@ -88,6 +88,8 @@ impl Notes {
                 ));
             }
             axes = vec![('T', frames), ('Z', slices), ('C', channels)];
+        } else if slices.max(images) > 1 {
+            axes = vec![('Z', if slices > 1 { slices } else { images })];
         }
         let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
         if unit.and_then(unit_mm).is_some() && resolution.contains(&Some(f64::INFINITY)) {
@@ -239,6 +241,7 @@ impl Notes {
         let images = match all.filter(|all| *all > 0) {
             Some(1) if self.more_images => return Ok(None),
             _ if self.axes.is_empty() => return Ok(None),
+            Some(all) if all == pages && matches!(self.axes[..], [('Z', _)]) => return Ok(None),
             Some(all) if all == pages || self.more_images && pages.is_multiple_of(all) => pages / all,
             _ => {
                 let axes: Vec<String> =
@@ -413,6 +416,8 @@ mod tests {
         for (text, pages) in [
             (r#"{"shape": [2, 3, 6, 8]}"#, 7),
             ("ImageJ=1\nimages=8\nchannels=2\nslices=2\nframes=2\n", 7),
+            ("ImageJ=1\nimages=7\nslices=7\n", 5),
+            ("ImageJ=1\nimages=4\n", 5),
             (&ome("XYZCT", ""), 5),
         ] {
             assert!(read(text, [None; 2]).volumes(pages).is_err(), "{text}");

@@ -129,7 +129,7 @@ impl Image {
         let frames = match header.frames {
             None => 1,
             Some(Ok(n)) if n > 0 => n,
-            Some(_) => return Err(Obstacle::new("the number of frames is not a positive number")),
+            Some(_) => return Err(Obstacle::new("Number of Frames (0028,0008) is not a positive number")),
         };
         let side = |side: Option<u16>, what| {
             side.filter(|n| *n > 0)

@@ -304,19 +304,34 @@ fn of_grid<R: ReadAt + ?Sized>(
     let mut frame = base.clone();
     frame.origin = Origin::Grid;
     let axial = normal[2].abs() > 1.0 - 1e-6;
-    let mut at = element.value_at;
-    let mut first = None;
-    for index in 0..frames {
+    // The number at a byte, and the byte after it.
+    let mut read = |at: u64, index: u32| -> Result<(f64, u64)> {
         let most = PIECE.min(usize::try_from(end.saturating_sub(at)).unwrap_or(PIECE));
         let piece = parser.window.upto(at, most)?;
         let length = piece.iter().position(|b| *b == b'\\').unwrap_or(piece.len());
-        let Some(offset) = number(piece.get(..length).unwrap_or(&[])) else {
-            return Err(damaged(
-                at,
-                format!("the grid frame offset vector has no number for frame {}", u64::from(index) + 1),
-            ));
-        };
-        at += length as u64 + 1;
+        let found = piece.get(..length).unwrap_or(&[]);
+        let offset = number(found).ok_or_else(|| {
+            let (frame, found) = (u64::from(index) + 1, text(found));
+            damaged(at, format!("the Grid Frame Offset Vector (3004,000C) has `{found}` for frame {frame}, which is no number"))
+        });
+        offset.map(|offset| (offset, at + length as u64 + 1))
+    };
+    // All of it before any frame is placed by it.
+    let mut at = element.value_at;
+    for index in 0..frames {
+        (_, at) = read(at, index)?;
+    }
+    if at < end {
+        return Err(damaged(
+            at,
+            format!("the Grid Frame Offset Vector (3004,000C) has more numbers than frames, {frames}"),
+        ));
+    }
+    at = element.value_at;
+    let mut first = None;
+    for index in 0..frames {
+        let offset;
+        (offset, at) = read(at, index)?;
         frame.index = index;
         let first = *first.get_or_insert(offset);
         let direction = if first != 0.0 && axial { [0.0, 0.0, 1.0] } else { normal };
