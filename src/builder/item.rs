@@ -23,7 +23,7 @@ pub enum ItemForm {
         /// Difference of consecutive numbers.
         step: f64,
     },
-    /// Codes of [`eighth`] (16 bits, little-endian), stored as numbers above the lowest: 1 is the lowest, 0 means absent.
+    /// Codes of `eighth` (16 bits, little-endian), stored as numbers above the lowest: 1 is the lowest, 0 means absent.
     /// Their high bytes are nearly all the same and so compress, the low ones do not.
     Octaves {
         /// Code of number 1.
@@ -64,7 +64,7 @@ impl ItemForm {
         Self::Scaled { low, step: if high > low { (high - low) / 65535.0 } else { 1.0 } }
     }
 
-    /// The form for codes of [`eighth`] from `extent.0` on.
+    /// The form for codes of `eighth` from `extent.0` on.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -171,9 +171,9 @@ mod tests {
 
     #[test]
     fn codes_are_the_nearest_eighths_of_octaves() {
-        for k in 1..4000 {
+        for k in 1..4000_i16 {
             // Sizes over thirteen octaves, none on a bound.
-            let size = (f64::from(k) * 0.003_3 - 6.5).exp2() as f32;
+            let size = (f32::from(k) * 0.003_3 - 6.5).exp2();
             let due = (8.0 * (f64::from(size).log2() + 127.0)).round();
             assert_eq!(f64::from(eighth(size)), due, "{size}");
             assert!((size_of_eighth(due) / f64::from(size)).log2().abs() <= 0.062_6, "{size}");

@@ -99,8 +99,11 @@ impl Surface<'_> {
             let Some(plane) = self.cells.plane(number) else { continue };
             planes |= 1 << i;
             let (middle, _) = self.middle(cell, 0);
-            for a in 0..3 {
-                (block.middle[a][i], block.normal[a][i]) = (middle[a], plane.normal[a]);
+            for (all, of) in block.middle.iter_mut().zip(middle) {
+                all[i] = of;
+            }
+            for (all, of) in block.normal.iter_mut().zip(plane.normal) {
+                all[i] = of;
             }
             block.offset[i] = plane.offset.into();
         }

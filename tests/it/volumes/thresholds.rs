@@ -74,16 +74,15 @@ fn every_label_is_inside_and_a_note_says_so() {
 #[test]
 fn small_and_thin_labels_are_labels() {
     let contacts = |p: [u32; 3]| match p.map(|c| c % 8 < 2) {
-        [true, true, true] => 1 + (p[0] / 8 + p[1] / 8 + p[2] / 8) as u8,
+        [true, true, true] => 1 + p[0] / 8 + p[1] / 8 + p[2] / 8,
         _ => 0,
     };
     let vessels = |p: [u32; 3]| match (p[0] % 10 < 2, p[1] % 10 < 2) {
-        (true, true) => 1 + (p[0] / 10 + 6 * (p[1] / 10)) as u8,
+        (true, true) => 1 + p[0] / 10 + 6 * (p[1] / 10),
         _ => 0,
     };
-    let maps: [(&dyn Fn([u32; 3]) -> u8, usize); 2] = [(&contacts, 17), (&vessels, 43)];
-    for (label, most) in maps {
-        let BuildReport { selection, notes, .. } = report(&Voxels::from_fn(dims(), label));
+    for (map, most) in [(Voxels::from_fn(dims(), contacts), 17), (Voxels::from_fn(dims(), vessels), 43)] {
+        let BuildReport { selection, notes, .. } = report(&map);
         assert_eq!((selection.kind, selection.lo), (SelectionKind::Iso, 1.0), "{most}");
         assert!(matches!(notes[..], [BuildNote::Labels { count }] if count <= most), "{most} {notes:?}");
     }
