@@ -52,9 +52,28 @@ fn above(code: u16, low: u16) -> u8 {
     code.saturating_sub(low.saturating_sub(1)).min(u8::MAX.into()).to_le_bytes()[0]
 }
 
-/// The size of a code of [`eighth`].
-pub(super) fn size_of_eighth(code: f64) -> f64 {
-    (code / 8.0 - 127.0).exp2()
+/// Powers of two at eighths.
+const POWERS: [f64; 8] = [
+    1.0,
+    1.090_507_732_665_257_7,
+    1.189_207_115_002_721,
+    1.296_839_554_651_009_6,
+    std::f64::consts::SQRT_2,
+    1.542_210_825_407_940_7,
+    1.681_792_830_507_429,
+    1.834_008_086_409_342_4,
+];
+
+/// The size of a code of [`eighth`], the same on every machine.
+pub(super) fn size_of_eighth(code: u16) -> f64 {
+    let octave = u64::from(code >> 3) + 1023 - 127;
+    f64::from_bits(octave << 52) * POWERS[usize::from(code & 7)]
+}
+
+/// The least code, of an extent of codes; 0 for an extent without any.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a code")]
+pub(super) fn least_code((low, _): (f32, f32)) -> u16 {
+    if low.is_finite() { low as u16 } else { 0 }
 }
 
 impl ItemForm {
@@ -64,14 +83,9 @@ impl ItemForm {
         Self::Scaled { low, step: if high > low { (high - low) / 65535.0 } else { 1.0 } }
     }
 
-    /// The form for codes of `eighth` from `extent.0` on.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a code, or infinity without any"
-    )]
+    /// The form for codes of `eighth` from the least one of an extent on.
     pub(super) fn octaves(extent: (f32, f32)) -> Self {
-        Self::Octaves { low: extent.0 as u16 }
+        Self::Octaves { low: least_code(extent) }
     }
 
     /// Bytes of an item in the scratch file.
@@ -176,7 +190,8 @@ mod tests {
             let size = (f32::from(k) * 0.003_3 - 6.5).exp2();
             let due = (8.0 * (f64::from(size).log2() + 127.0)).round();
             assert_eq!(f64::from(eighth(size)), due, "{size}");
-            assert!((size_of_eighth(due) / f64::from(size)).log2().abs() <= 0.062_6, "{size}");
+            let of_code = size_of_eighth(u16::try_from(eighth(size)).unwrap());
+            assert!((of_code / f64::from(size)).log2().abs() <= 0.062_6, "{size}");
         }
         assert_eq!([eighth(0.0), eighth(1e-39), eighth(1.0), eighth(f32::MAX)], [0, 0, 1016, 2040]);
         let form = ItemForm::octaves((1016.0, f32::NEG_INFINITY));

@@ -9,7 +9,7 @@ pub(super) struct CellItems {
     codes: Vec<u8>,
     offsets: Vec<u8>,
     corners: Vec<u8>,
-    /// Codes of steepness (`Batch::take_steepness`); empty unless the channel is built.
+    /// Codes of steepness (`Batch::steepness`); empty unless the channel is built.
     steepness: Vec<u8>,
 }
 

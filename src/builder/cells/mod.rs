@@ -34,7 +34,7 @@ mod window;
 
 use std::sync::{Mutex, PoisonError};
 
-use super::item::{ItemForm, size_of_eighth};
+use super::item::{ItemForm, least_code, size_of_eighth};
 use super::lanes::RingSample;
 use super::noise::{self, NoiseCounts, Sides};
 use super::ring::SampleForm;
@@ -200,8 +200,8 @@ impl CellSolid<'_> {
         let counted = self.noise.lock().unwrap_or_else(PoisonError::into_inner);
         let Noise { inside, outside, correlation, .. } = counted.as_ref()?.noise(step).unwrap_or_default();
         let known = |v: f64| Some(v * rescale.slope.abs()).filter(|v| v.is_finite()).unwrap_or(0.0);
-        let [inside, outside, steepness] =
-            [inside, outside, size_of_eighth(found.extent.0.into())].map(known);
+        let steepness = Some(least_code(found.extent)).filter(|code| *code > 0).map_or(0.0, size_of_eighth);
+        let [inside, outside, steepness] = [inside, outside, steepness].map(known);
         Some(Noise { inside, outside, correlation, steepness })
     }
 }
