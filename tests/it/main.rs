@@ -26,6 +26,7 @@ mod damage;
 mod dicom;
 mod export;
 mod export_labels;
+mod faults;
 mod fixtures;
 mod foreign_text;
 mod hard_cases;
