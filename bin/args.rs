@@ -17,7 +17,7 @@ mod volume;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use infobyte::builder::Tolerance;
 use infobyte::export::ExportForm;
 use infobyte::format::Channels;
@@ -34,6 +34,26 @@ pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, S
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// Names of values that are numbers and sizes.
+const NUMBERS: &str = "N V R SIZE MM DEG WxH PIXELS XxYxZ NXxNYxNZ X0..X1,Y0..Y1,Z0..Z1 SECONDS VOXELS VOXELS|PERCENT% FACTOR \
+    1..1024 2|4 26|6 BYTES CONNECTIVITY LOD SAMPLES";
+
+/// The command line as it is read. A word such as `-4MiB` is the value of an option before it, whose sentence fits
+/// better than one on an unknown option.
+pub(crate) fn command() -> clap::Command {
+    let is_negative =
+        |word: std::ffi::OsString| matches!(word.as_encoded_bytes(), [b'-', b'0'..=b'9' | b'.', ..]);
+    let negative = std::env::args_os().any(is_negative);
+    let is_number = |arg: &clap::Arg| {
+        let is_known = |name: &str| NUMBERS.split_whitespace().any(|known| known == name);
+        arg.get_long().is_some()
+            && arg.get_value_names().is_some_and(|names| names.iter().any(|name| is_known(name)))
+    };
+    let taking =
+        move |arg: clap::Arg| if negative && is_number(&arg) { arg.allow_hyphen_values(true) } else { arg };
+    Cli::command().mut_subcommands(move |command| command.mut_args(taking))
 }
 
 #[derive(Debug, Subcommand)]

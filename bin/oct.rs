@@ -64,7 +64,7 @@ fn main() -> ExitCode {
     platform::report_size_limits();
     text::spell(cure::spelled);
     let read = |given: ArgMatches| Ok((Cli::from_arg_matches(&given)?, is_json(&given)));
-    let (cli, as_json) = match Cli::command().try_get_matches().and_then(read) {
+    let (cli, as_json) = match args::command().try_get_matches().and_then(read) {
         Ok(read) => read,
         Err(e) => return refuse(&e),
     };

@@ -410,6 +410,10 @@ fn colours_of_faces_are_the_same_from_text_and_binary() {
         build(&[put(folder.path(), name, bytes)], channels, 1, 8).unwrap()
     };
     let wanted = of("a.ply", text.as_bytes(), all_channels());
+    let capitals = ["red", "green", "blue"].iter().fold(text.clone(), |text, name| {
+        text.replace(name, &format!("{}{}", name[..1].to_uppercase(), &name[1..]))
+    });
+    assert!(of("d.ply", capitals.as_bytes(), all_channels()) == wanted, "capitals");
     assert!(of("b.ply", &little, all_channels()) == wanted, "little-endian");
     assert!(of("c.ply", &big, all_channels()) == wanted, "big-endian");
     let mut seen = [0, 0];
@@ -442,6 +446,11 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     assert_eq!(notes(&obj), ["a.obj takes colours from none.png, which is not there"]);
     let red = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap();
     assert!(voxels(&red).iter().all(|v| v.color == Some([255, 0, 0])));
+    // The library may stand behind the faces.
+    let (library, faces) =
+        textured_obj(&body).split_once('\n').map(|(a, b)| (a.to_owned(), b.to_owned())).unwrap();
+    let behind = put(folder.path(), "b.obj", format!("{faces}{library}\n").as_bytes());
+    assert!(build(&[behind], asked, 1, 8).unwrap() == red);
     // Damaged anywhere: refused in a sentence, or built.
     put(folder.path(), "looks.mtl", b"newmtl the look\nmap_Kd i.png\n");
     let whole = image();

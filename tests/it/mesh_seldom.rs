@@ -23,6 +23,7 @@ fn seldom_forms_give_the_same_model() {
     });
     for (name, bytes) in [
         ("a.off", format!("OFF{counts}")),
+        ("a.off", format!("nOFF\n3\n{counts}")),
         ("a.off", format!("# a comment\n\n{off}")),
         ("a.off", many),
         ("a.off", counts.to_owned()),
@@ -46,13 +47,27 @@ fn seldom_forms_give_the_same_model() {
         let noted = notes.iter().any(|note| note.contains("bytes behind the"));
         assert!(made == expected && noted == (more >= 50), "{more}: {notes:?}");
     }
-    let (mut magics, mut viscam) = (body.stl(), body.stl());
-    magics[..10].copy_from_slice(b"COLOR=\xff\x80\x20\xff");
-    viscam[133] |= 0x80;
-    for coloured in [magics, viscam] {
-        let (made, notes) = build(folder.path(), "a.stl", &coloured).unwrap();
-        let noted = notes.iter().any(|note| note.contains("has colours, which are not read from STL"));
-        assert!(made == expected && noted, "{notes:?}");
+    for (at, mark) in [(20, &b"COLOR=\xff\0\0\xff"[..]), (84 + 48, b"\x1f\xfc")] {
+        let mut colored = body.stl();
+        colored[at..at + mark.len()].copy_from_slice(mark);
+        let (made, notes) = build(folder.path(), "a.stl", &colored).unwrap();
+        assert!(
+            made == expected && notes[0].contains("has colours, which are not read from STL"),
+            "{notes:?}"
+        );
+    }
+    for (tail, noted) in [
+        ("\0", false),
+        ("   \n\n", false),
+        ("\x1a", false),
+        ("\0\0\0\n\0", false),
+        ("a comment 1 2\nvertex\n", true),
+        ("solid b\nendsolid b\n", false),
+        ("a comment\nsolid b\nendsolid b\n", true),
+    ] {
+        let (made, notes) = build(folder.path(), "a.stl", format!("{stl}{tail}").as_bytes()).unwrap();
+        let is_told = notes.iter().any(|note| note.contains("other text behind a solid, in line"));
+        assert!(made == expected && is_told == noted, "{tail:?}: {notes:?}");
     }
     let (little, seldom) = ("binary_little_endian", seldom_ply(&body, "binary_big_endian", 2));
     for (ply, most) in [(body.ply(little), 15), (seldom, 13), (seldom_ply(&body, little, 1), usize::MAX)] {
@@ -62,11 +77,18 @@ fn seldom_forms_give_the_same_model() {
             assert!(made == expected && noted == (more >= most), "{more}: {notes:?}");
         }
     }
+    let first = ply.lines().position(|line| line == "end_header").unwrap() + 1;
+    let packed = ply.lines().enumerate().map(|(at, line)| match line {
+        "property float z" => format!("{line}\nproperty uint rgba\n"),
+        _ if (first..first + body.vertices.len()).contains(&at) => format!("{line} 4278190080\n"),
+        _ => format!("{line}\n"),
+    });
     fs::write(folder.path().join("m.mtl"), "newmtl a\nKd 1 0 0\n").unwrap();
     for (name, text, words) in [
         ("a.off", format!("{}\n3 0 1 2\n", off.trim_end()), "has more behind the"),
         ("a.ply", format!("{}\n3 0 1 2\n", ply.trim_end()), "has more behind the"),
         ("a.off", format!("{} 1 0 0\n", off.trim_end()), "has colours, which are not read from OFF"),
+        ("a.ply", packed.collect(), "has colours in one number (rgba), which are not read"),
         ("a.obj", format!("mtllib m.mtl m.mtl\n{obj}"), ""),
     ] {
         let (_, notes) = build(folder.path(), name, text.as_bytes()).unwrap();
@@ -193,7 +215,10 @@ fn misread_numbers_are_refused_with_their_line() {
         ("a.off", off("0 0 0 0", "3 0 1 2").into_bytes(), "line 3 cannot be understood: a vertex"),
         ("a.off", off("0 0 0", "3 0 1 2 1 2").into_bytes(), "line 6 cannot be understood: the colour of a face"),
         ("a.off", b"OFF BINARY\n\0\0\0\x08\0\0\0\x06\0\0\0\0".to_vec(), "is binary OFF"),
-        ("a.off", b"4OFF\n1 1 0\n".to_vec(), "is OFF of four coordinates"),
+        ("a.off", b"4OFF\n1 1 0\n".to_vec(), "is OFF of 4 coordinates"),
+        ("a.off", b"nOFF\n5\n1 1 0\n".to_vec(), "is OFF of 5 coordinates"),
+        ("a.off", b"4nOFF\n3\n1 1 0\n".to_vec(), "is OFF of 4 coordinates"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty int red\nproperty int green\nproperty int blue\nelement face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 255 0 0\n1 0 0 255 0 0\n0 1 0 255 0 0\n3 0 1 2\n".to_vec(), "255 is not a part of a colour: these are uchar (0 to 255)"),
         ("a.ply", seldom_ply(&body(), "ascii", 0).iter().map(|b| if *b == b'.' { b',' } else { *b }).collect(), "is not a number"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n".to_vec(), "has no faces"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\n".to_vec(), "has no faces"),
@@ -253,8 +278,20 @@ fn supports_are_left_out_with_a_note() {
         "<item objectid=\"3\"/>",
     );
     let bambu = "<config><object id=\"3\"><part id=\"1\" subtype=\"normal_part\"></part><part id=\"2\" subtype=\"support_blocker\"></part></object></config>";
+    let cura = |mark: &str, value: &str| {
+        let text = both("type=\"model\"", items);
+        let at = text.rfind("<mesh>").unwrap();
+        let group = format!(
+            "<metadatagroup><metadata name=\"cura:{mark}\" type=\"xs:string\"> {value}\n</metadata></metadatagroup>"
+        );
+        format!("{}{group}{}", &text[..at], &text[at..])
+    };
     for (what, text, side) in [
         ("a support", both("type=\"support\"", items), None),
+        ("a support of Cura", cura("support_mesh", "True"), None),
+        ("a blocker of Cura", cura("anti_overhang_mesh", "true"), None),
+        ("a modifier of Cura", cura("infill_mesh", "True"), None),
+        ("a cut volume of Cura", cura("cutting_mesh", "True"), None),
         ("a solid support", both("type=\"solidsupport\"", items), None),
         ("not printed", both("", "<item objectid=\"1\"/><item objectid=\"2\" printable=\"0\"/>"), None),
         (
@@ -272,6 +309,14 @@ fn supports_are_left_out_with_a_note() {
             .unwrap_or_else(|told| panic!("{what}: {told}"));
         assert!(made == expected, "{what}");
         assert!(notes.iter().any(|note| note.contains("left out")), "{what}: {notes:?}");
+    }
+    let metadata =
+        "<metadatagroup><metadata name=\"cura:support_mesh\">True</metadata></metadatagroup></item>";
+    let of_item = both("", &format!("<item objectid=\"1\"/><item objectid=\"2\">{metadata}"));
+    for text in [cura("support_mesh", "False"), cura("drop_to_buildplate", "True"), of_item] {
+        let parts = [("_rels/.rels", RELATIONS.into(), 8), ("3D/a.model", text.into(), 8)];
+        let (made, notes) = build(folder.path(), "a.3mf", &containers::archive(&parts)).unwrap();
+        assert!(made != expected && notes.is_empty(), "{notes:?}");
     }
     let no = both("", "<item objectid=\"1\"/><item objectid=\"2\" printable=\"no\"/>");
     let parts = [("_rels/.rels", RELATIONS.into(), 8), ("3D/a.model", no.into(), 8)];

@@ -204,8 +204,8 @@ pub(super) struct MeshFile {
 }
 
 enum Kind {
-    StlBinary { file: PositionalFile, triangles: u64 },
-    StlText { file: PositionalFile },
+    StlBinary { file: PositionalFile, triangles: u64, colored: Option<stl::LateLack> },
+    StlText { file: PositionalFile, tail: stl::LateLack },
     Ply(ply::Ply),
     Off(text::Faces),
     Obj(Box<obj::Obj>),
@@ -229,13 +229,17 @@ impl MeshFile {
         let kind = match format {
             Format::Stl => match stl::triangles(&head, bytes)? {
                 Some((triangles, behind)) => {
-                    let lacks = stl::lack(triangles, behind).into_iter().chain(stl::colours(&head)).collect();
+                    let lacks = stl::lack(triangles, behind).into_iter().collect();
+                    let colored = limits.colors.then(stl::LateLack::new);
+                    if let Some(colored) = colored.as_ref().filter(|_| stl::is_colored(&head)) {
+                        colored.get_or_init(|| stop::unread_colors("STL"));
+                    }
                     return Ok((
-                        Kind::StlBinary { file, triangles },
+                        Kind::StlBinary { file, triangles, colored },
                         Summary { lacks, ..Summary::default() },
                     ));
                 }
-                None => Kind::StlText { file },
+                None => Kind::StlText { file, tail: stl::LateLack::new() },
             },
             Format::Ply => {
                 let (open, lacks) = ply::Ply::open(file, bytes, limits)?;
@@ -259,7 +263,12 @@ impl MeshFile {
 
     /// Parts of the file that are left out; all are known once the triangles have been read.
     pub(super) fn lacks(&self) -> impl Iterator<Item = String> {
-        let late = if let Kind::Ply(ply) = &self.kind { ply.lack() } else { None };
+        let late = match &self.kind {
+            Kind::Ply(ply) => ply.lack(),
+            Kind::StlBinary { colored, .. } => colored.as_ref().and_then(|late| late.get().cloned()),
+            Kind::StlText { tail, .. } => tail.get().cloned(),
+            _ => None,
+        };
         self.summary.lacks.iter().cloned().chain(late)
     }
 
@@ -278,8 +287,10 @@ impl MeshFile {
             up => each(&t.map(|p| up.upright(p))),
         };
         let read = match &self.kind {
-            Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, &mut upright),
-            Kind::StlText { file } => stl::for_each_text(file, &mut upright),
+            Kind::StlBinary { file, triangles, colored } => {
+                stl::for_each_binary(file, *triangles, colored.as_ref(), &mut upright)
+            }
+            Kind::StlText { file, tail } => stl::for_each_text(file, tail, &mut upright),
             Kind::Ply(ply) => ply.for_each(&mut upright),
             Kind::Off(faces) => faces.for_each(&mut upright),
             Kind::Obj(open) => open.for_each(&mut upright),

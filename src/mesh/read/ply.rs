@@ -9,7 +9,7 @@ use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words, head, mark};
 use super::text::{Faces, Fan, Polygons, more_than};
-use super::vertex_looks::{VertexLooks, light};
+use super::vertex_looks::{VertexLooks, scaled};
 use super::vertices::{FEW_PAGES, MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
 use crate::mesh::read::stop::{
@@ -98,6 +98,7 @@ enum Name {
     Red,
     Green,
     Blue,
+    Packed,
     NormalX,
     NormalY,
     NormalZ,
@@ -270,9 +271,10 @@ impl Header {
                         b"x" => Name::X,
                         b"y" => Name::Y,
                         b"z" => Name::Z,
-                        b"red" | b"diffuse_red" | b"r" => Name::Red,
-                        b"green" | b"diffuse_green" | b"g" => Name::Green,
-                        b"blue" | b"diffuse_blue" | b"b" => Name::Blue,
+                        b"red" | b"Red" | b"diffuse_red" | b"r" => Name::Red,
+                        b"green" | b"Green" | b"diffuse_green" | b"g" => Name::Green,
+                        b"blue" | b"Blue" | b"diffuse_blue" | b"b" => Name::Blue,
+                        b"rgb" | b"rgba" => Name::Packed,
                         b"nx" => Name::NormalX,
                         b"ny" => Name::NormalY,
                         b"nz" => Name::NormalZ,
@@ -330,6 +332,10 @@ impl Ply {
         let texture = header.texture.take().filter(|_| limits.colors);
         let mut lacks: Vec<String> = texture.map(|name| format!("takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF", shown(&name))).into_iter().collect();
         let used = header.used(bytes)?;
+        let packed = |p: &[Property]| p.iter().any(|p| p.name == Name::Packed) && fields(p, COLOR).is_none();
+        if limits.colors && used.iter().any(|at| packed(&header.elements[*at].properties)) {
+            lacks.push("has colours in one number (rgba), which are not read; the model lacks them: write them as red, green and blue".to_owned());
+        }
         let open = if header.is_usual(used) {
             let mut binary = Binary::open(file, bytes, header, used)?;
             binary.face_colors = binary.face_colors.filter(|_| limits.colors);
@@ -569,7 +575,7 @@ impl Binary {
         for face in 0..self.faces {
             let mut color = None;
             if let Some((stream, scale)) = &mut ahead {
-                color = Some(light(self.face_color(stream)?.map(|c| c * *scale))?);
+                color = Some(scaled(self.face_color(stream)?, *scale)?);
             }
             self.face(&mut stream, face, &mut places, &mut Ok, &mut |corners| {
                 triangles += 1;

@@ -31,29 +31,30 @@ pub(crate) fn cut(corners: &[[f64; 3]]) -> Option<Vec<[u32; 3]>> {
     if !squared.is_normal() || areas().all(|area| dot(area, normal) >= -ROUNDING * squared) {
         return None;
     }
-    let axis = (0..3).max_by(|a, b| normal[*a].abs().total_cmp(&normal[*b].abs()))?;
-    let plane = corners
-        .iter()
-        .map(|p| [p[(axis + 1) % 3] - first[(axis + 1) % 3], p[(axis + 2) % 3] - first[(axis + 2) % 3]]);
-    let flat: Vec<[f64; 2]> = plane.collect();
-    // Of corners that are listed several times in a row the first is cut: no ear can be clipped between them.
-    let is_first = |at: &usize| corners[*at] != corners[(at + count - 1) % count];
-    let once: Vec<usize> = (0..count).filter(is_first).collect();
-    let mut numbers: Vec<u32> = Vec::new();
-    Earcut::new().earcut(once.iter().map(|at| flat[*at]), &[] as &[u32], &mut numbers);
-    let mut triangles = numbers.as_chunks::<3>().0.to_vec();
-    closed(&mut triangles, u32::try_from(once.len()).ok()?)?;
-    let number = |at: usize| u32::try_from(at % count).ok();
-    for corner in triangles.as_flattened_mut() {
-        *corner = number(once[*corner as usize])?;
-    }
-    // The others make triangles without area.
-    for (at, first) in once.iter().enumerate() {
-        let end = once.get(at + 1).copied().unwrap_or(once[0] + count);
-        for other in first + 1..end {
-            triangles.push([number(*first)?, number(other)?, number(other + 1)?]);
+    // Corners at the place of the one before are left out, each with a triangle without area.
+    let (mut kept, mut flattened): (Vec<u32>, Vec<[u32; 3]>) = (Vec::with_capacity(count), Vec::new());
+    let last = u32::try_from(count).ok()? - 1;
+    for at in 0..=last {
+        match kept.last() {
+            Some(before) if corners[*before as usize] == corners[at as usize] => {
+                flattened.push([*before, at, if at == last { 0 } else { at + 1 }]);
+            }
+            _ => kept.push(at),
         }
     }
+    if let Some(end) = kept.pop_if(|end| *end > 0 && corners[*end as usize] == first) {
+        flattened.push([*kept.last()?, end, 0]);
+    }
+    let axis = (0..3).max_by(|a, b| normal[*a].abs().total_cmp(&normal[*b].abs()))?;
+    let plane = kept
+        .iter()
+        .map(|at| corners[*at as usize])
+        .map(|p| [p[(axis + 1) % 3] - first[(axis + 1) % 3], p[(axis + 2) % 3] - first[(axis + 2) % 3]]);
+    let flat: Vec<[f64; 2]> = plane.collect();
+    let mut numbers: Vec<u32> = Vec::new();
+    Earcut::new().earcut(flat.iter().copied(), &[] as &[u32], &mut numbers);
+    let mut triangles = numbers.as_chunks::<3>().0.to_vec();
+    closed(&mut triangles, u32::try_from(kept.len()).ok()?)?;
     // The triangles cover the same area as the polygon, unless it crosses itself.
     let area = |[a, b, c]: [u32; 3]| {
         let [a, b, c] = [a, b, c].map(|at| flat[at as usize]);
@@ -61,7 +62,8 @@ pub(crate) fn cut(corners: &[[f64; 3]]) -> Option<Vec<[u32; 3]>> {
     };
     let covered: f64 = triangles.iter().map(|t| area(*t).abs()).sum();
     let whole = normal[axis].abs();
-    ((covered - whole).abs() <= 1e-6 * whole).then_some(triangles)
+    let all = triangles.iter().map(|t| t.map(|at| kept[at as usize])).chain(flattened);
+    ((covered - whole).abs() <= 1e-6 * whole).then(|| all.collect())
 }
 
 /// Turns triangles the way of the polygon, and adds those without area that make each side and each edge meet its
@@ -127,6 +129,7 @@ mod tests {
             [0.0, 10.0],
             [0.0, 5.0],
         ];
+        let twice: Vec<[f64; 2]> = u.iter().flat_map(|corner| [*corner; 2]).collect();
         let star: Vec<[f64; 2]> = (0..40)
             .map(|at| {
                 let (radius, angle) =
@@ -137,8 +140,7 @@ mod tests {
         let square = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]];
         let arrow = [[0.0, 0.0], [10.0, 5.0], [0.0, 10.0], [2.0, 5.0]];
         let mut cut_up = 0;
-        let doubled: Vec<[f64; 2]> = u.iter().flat_map(|corner| [*corner; 2]).collect();
-        for flat in [&u[..], &lined, &star, &square, &arrow, &doubled] {
+        for flat in [&u[..], &lined, &twice, &star, &square, &arrow] {
             let shoelace = |at: usize| {
                 let ([a, b], [c, d]) = (flat[at], flat[(at + 1) % flat.len()]);
                 a * d - b * c

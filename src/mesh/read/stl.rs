@@ -1,8 +1,10 @@
 //! STL: binary if its length fits the number of triangles that it states, or if it does not begin like text, else text.
 
+use std::sync::OnceLock;
+
 use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words, mark};
-use crate::mesh::read::stop::{count_lies, cut_short, not_finite};
+use crate::mesh::read::stop::{count_lies, cut_short, not_finite, unread_colors};
 use crate::platform::PositionalFile;
 use crate::text::plain_head;
 
@@ -44,25 +46,27 @@ pub(super) fn lack(triangles: u64, behind: u64) -> Option<String> {
     (behind >= RECORD).then(|| format!("has {behind} bytes behind the {triangles} triangles that it states, which were left out; copy it again if triangles are missing"))
 }
 
-/// The note on colours of a binary file: of the header, as Magics writes them, or of the first triangle, as VisCAM does.
-pub(super) fn colours(head: &[u8]) -> Option<String> {
-    let in_header = head.get(..80).is_some_and(|head| head.windows(6).any(|word| word == b"COLOR="));
-    let in_triangle = head.get(132..134).is_some_and(|bits| bits[1] & 0x80 != 0);
-    (in_header || in_triangle).then(|| {
-        "has colours, which are not read from STL; the model lacks them: write it as PLY, OBJ or glTF".into()
-    })
-}
-
 /// True if it begins like text.
 pub(super) fn is_text(head: &[u8]) -> bool {
     let head = plain_head(head);
     let start = head.trim_ascii_start();
-    start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !start.contains(&0)
+    let end = start.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !start[..end].contains(&0)
 }
 
+/// True for the header of Materialise Magics that states a colour.
+pub(super) fn is_colored(head: &[u8]) -> bool {
+    head.get(..80).is_some_and(|head| head.windows(6).any(|word| word == b"COLOR="))
+}
+
+/// A note that is known once the triangles have been read.
+pub(super) type LateLack = OnceLock<String>;
+
+/// Reads the triangles; `colored` takes the note on their colours (VisCAM), if these are wanted.
 pub(super) fn for_each_binary(
     file: &PositionalFile,
     triangles: u64,
+    colored: Option<&LateLack>,
     each: &mut Each<'_>,
 ) -> Result<(), Stop> {
     let mut stream = Stream::new(file, HEADER);
@@ -73,17 +77,21 @@ pub(super) fn for_each_binary(
         let t: [[f64; 3]; 3] = std::array::from_fn(|v| std::array::from_fn(|c| single(3 * v + c)));
         finite(&t, at + 1)?;
         each(&t)?;
+        if let Some(colored) = colored.filter(|_| record[49] & 0x80 != 0) {
+            colored.get_or_init(|| unread_colors("STL"));
+        }
     }
     Ok(())
 }
 
-/// Words make a text, not lines; but a name ends with its line, or where a facet begins.
-pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Result<(), Stop> {
+/// Words make a text, not lines; but a name ends with its line, or where a facet begins. `tail` takes the note on other
+/// text behind a solid; zeros and Ctrl-Z are skipped.
+pub(super) fn for_each_text(file: &PositionalFile, tail: &LateLack, each: &mut Each<'_>) -> Result<(), Stop> {
     let mut words = Words::begin(file)?;
     let mut triangle = [[0.0; 3]; 3];
     let (mut vertices, mut read) = (0, 0);
     // True while a solid has not ended.
-    let mut solid = false;
+    let (mut solid, mut ended) = (false, false);
     loop {
         match words.next()? {
             Token::LineEnd => continue,
@@ -93,6 +101,7 @@ pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Resul
         }
         if words.is("solid") || words.is("endsolid") {
             solid = words.is("solid");
+            ended = true;
             if vertices > 0 {
                 return Err(words.wrong());
             }
@@ -102,6 +111,12 @@ pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Resul
                 return Err(words.wrong());
             }
             solid |= words.is("facet");
+        } else if ended && !solid {
+            if !words.word().iter().all(|byte| matches!(byte, 0 | 0x1a)) {
+                let line = words.line();
+                tail.get_or_init(|| format!("has other text behind a solid, in line {line}, which was left out; correct it if triangles are missing"));
+                words.skip_line()?;
+            }
         } else if words.is("normal") {
             // Normals of the file are not used: triangles have their own.
             for _ in 0..3 {

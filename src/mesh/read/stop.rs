@@ -53,6 +53,13 @@ pub(super) fn not_a_number(text: &[u8]) -> String {
     format!("{} is not a number (of digits and a decimal point)", quoted(text))
 }
 
+/// The note on colours of a format from which they are not read.
+pub(super) fn unread_colors(format: &str) -> String {
+    format!(
+        "has colours, which are not read from {format}; the model lacks them: write it as PLY, OBJ or glTF"
+    )
+}
+
 pub(super) fn bad_archive() -> Fault {
     bad!("is an archive that is damaged or cut short; copy it again")
 }

@@ -9,7 +9,7 @@ use super::stream::{Stream, Token, Words, numbers};
 use super::vertex_looks::VertexLooks;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
-use crate::mesh::read::stop::{bad_index, count_lies, only_points};
+use crate::mesh::read::stop::{bad_index, count_lies, only_points, unread_colors};
 use crate::platform::PositionalFile;
 
 /// Vertices, and triangles that name them.
@@ -124,8 +124,10 @@ struct OffKind {
     colored: bool,
     /// Numbers of normals and places in textures behind the coordinates.
     more: usize,
-    /// True for four coordinates, or as many as the file states.
-    unread: bool,
+    /// True for a coordinate more than usual.
+    fourth: bool,
+    /// True where the number of coordinates stands before the counts.
+    dimension: bool,
 }
 
 /// The kind of an OFF file by its first word, and the rest of that word: ModelNet writes `OFF8 6 0`.
@@ -138,9 +140,9 @@ fn off_word(word: &[u8]) -> Option<(OffKind, &[u8])> {
             kind.colored |= prefix == b"C";
         }
     }
-    for prefix in [b"4", b"n"] {
+    for (prefix, stated) in [(b"4", &mut kind.fourth), (b"n", &mut kind.dimension)] {
         if let Some(behind) = rest.strip_prefix(prefix) {
-            (rest, kind.unread) = (behind, true);
+            (rest, *stated) = (behind, true);
         }
     }
     let rest = rest.strip_prefix(b"OFF")?;
@@ -217,13 +219,8 @@ impl Faces {
         // The first word may be missing, or the first number may follow it at once.
         let (kind, rest) = off_word(words.word()).unwrap_or((OffKind::default(), words.word()));
         let mut given = if rest.is_empty() { None } else { Some(words.whole_of(rest)?) };
-        if kind.unread {
-            return Err(
-                bad!("is OFF of four coordinates or more, which is not read; write it with three").into()
-            );
-        }
-        let mut counts = [0; 3];
-        for count in &mut counts {
+        let mut counts = [3, 0, 0, 0];
+        for count in counts.iter_mut().skip(usize::from(!kind.dimension)) {
             let number = match given.take() {
                 Some(number) => number,
                 None => {
@@ -240,7 +237,13 @@ impl Faces {
             *count = u64::try_from(number).map_err(|_| words.wrong())?;
         }
         words.end_of_line("its list of counts")?;
-        let [vertex_count, face_count, _] = counts;
+        let [dimension, vertex_count, face_count, _] = counts;
+        let coordinates = dimension.saturating_add(u64::from(kind.fourth));
+        if coordinates != 3 {
+            return Err(
+                bad!("is OFF of {coordinates} coordinates, which is not read; write it with 3").into()
+            );
+        }
         if face_count == 0 && vertex_count > 0 {
             return Err(only_points().into());
         }
@@ -283,7 +286,7 @@ impl Faces {
         }
         let mut lacks = Vec::new();
         if colored && limits.colors {
-            lacks.push("has colours, which are not read from OFF; the model lacks them: write it as PLY, OBJ or glTF".into());
+            lacks.push(unread_colors("OFF"));
         }
         lacks.extend(words.has_more()?.then(|| more_than(face_count)));
         let faces = Self::of(vertices, triangles, VertexLooks::default())?;

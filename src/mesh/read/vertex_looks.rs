@@ -51,11 +51,23 @@ const PARTS: RangeInclusive<f64> = -0.001..=1.001;
 /// A part outside 0 to 1, such as one out of 255, or NaN.
 pub(super) fn light(stored: [f64; 3]) -> Result<[f32; 3], Fault> {
     match stored.into_iter().find(|part| !PARTS.contains(part)) {
-        Some(part) => Err(bad!(
-            "{part} is not a part of a colour, from 0 to 1 (in PLY to 255 as uchar); correct its colours"
-        )),
+        Some(part) => Err(bad!("{part} is not a part of a colour, from 0 to 1; correct its colours")),
         None => Ok(single(stored).map(|c| linear(c.clamp(0.0, 1.0)))),
     }
+}
+
+/// Linear light of a colour as PLY stores it, by the factor of its type.
+///
+/// # Errors
+/// A part is outside the range of colours of its type.
+pub(super) fn scaled(stored: [f64; 3], scale: f64) -> Result<[f32; 3], Fault> {
+    let wrong = |_| {
+        let part = stored.into_iter().find(|part| !PARTS.contains(&(part * scale))).unwrap_or_default();
+        bad!(
+            "{part} is not a part of a colour: these are uchar (0 to 255), ushort (0 to 65535) or float (0 to 1); correct its colours"
+        )
+    };
+    light(stored.map(|part| part * scale)).map_err(wrong)
 }
 
 impl LookReader<'_> {
@@ -65,7 +77,7 @@ impl LookReader<'_> {
         if let Some((pages, scale)) = &mut self.colors {
             let mut three = [[0.0; 3]; 3];
             for (out, at) in three.iter_mut().zip(corners) {
-                *out = light(pages.get(at.into(), face)?.map(|c| c * *scale))?;
+                *out = scaled(pages.get(at.into(), face)?, *scale)?;
             }
             look.colors = Some(three);
         }
@@ -88,7 +100,7 @@ impl LookReader<'_> {
     ) -> Result<Appearance, Stop> {
         let mut look = self.look(corners, face)?;
         if let Some((pages, scale)) = &mut self.of_triangles {
-            look.colors = Some([light(pages.get(triangle, face)?.map(|c| c * *scale))?; 3]);
+            look.colors = Some([scaled(pages.get(triangle, face)?, *scale)?; 3]);
         }
         Ok(look)
     }

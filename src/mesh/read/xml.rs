@@ -327,6 +327,21 @@ impl<R: Read> Xml<R> {
         }
     }
 
+    /// The text up to the next tag, without blanks around it, and `most` bytes of it at most.
+    pub(super) fn content(&mut self, most: usize) -> Result<Vec<u8>, Stop> {
+        let mut text = Vec::new();
+        loop {
+            match self.must()? {
+                b'<' => break,
+                byte if text.len() < most => text.push(byte),
+                _ => {}
+            }
+        }
+        // The tag is read again as such.
+        self.at -= 1;
+        Ok(text.trim_ascii().to_vec())
+    }
+
     #[inline]
     fn put(&mut self, byte: u8) -> Result<(), Stop> {
         if self.tag.len() == MAX_TAG {

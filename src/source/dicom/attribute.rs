@@ -34,6 +34,8 @@ pub enum Attribute {
     SliceThickness,
     SliceSpacing,
     DoseScaling,
+    GridOffsets,
+    NumberOfFrames,
     AcquisitionOrder,
 }
 
@@ -68,6 +70,8 @@ impl Display for Attribute {
             Self::SliceThickness => "Slice Thickness (0018,0050)",
             Self::SliceSpacing => "Spacing Between Slices (0018,0088)",
             Self::DoseScaling => "Dose Grid Scaling (3004,000E)",
+            Self::GridOffsets => "Grid Frame Offset Vector (3004,000C)",
+            Self::NumberOfFrames => "Number of Frames (0028,0008)",
             Self::AcquisitionOrder => "order of acquisition and instance",
         })
     }

@@ -88,8 +88,8 @@ impl Notes {
                 ));
             }
             axes = vec![('T', frames), ('Z', slices), ('C', channels)];
-        } else if slices.max(images) > 1 {
-            axes = vec![('Z', if slices > 1 { slices } else { images })];
+        } else if images > 1 {
+            axes = vec![('Z', images)];
         }
         let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
         if unit.and_then(unit_mm).is_some() && resolution.contains(&Some(f64::INFINITY)) {
@@ -241,7 +241,6 @@ impl Notes {
         let images = match all.filter(|all| *all > 0) {
             Some(1) if self.more_images => return Ok(None),
             _ if self.axes.is_empty() => return Ok(None),
-            Some(all) if all == pages && matches!(self.axes[..], [('Z', _)]) => return Ok(None),
             Some(all) if all == pages || self.more_images && pages.is_multiple_of(all) => pages / all,
             _ => {
                 let axes: Vec<String> =
@@ -417,7 +416,7 @@ mod tests {
             (r#"{"shape": [2, 3, 6, 8]}"#, 7),
             ("ImageJ=1\nimages=8\nchannels=2\nslices=2\nframes=2\n", 7),
             ("ImageJ=1\nimages=7\nslices=7\n", 5),
-            ("ImageJ=1\nimages=4\n", 5),
+            ("ImageJ=1\nimages=4\nslices=4\n", 5),
             (&ome("XYZCT", ""), 5),
         ] {
             assert!(read(text, [None; 2]).volumes(pages).is_err(), "{text}");

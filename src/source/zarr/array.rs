@@ -184,12 +184,13 @@ impl Array {
         let encoding = what.get("chunk_key_encoding").ok_or_else(|| missing("chunk_key_encoding"))?;
         let (prefix, usual) = match text(encoding, "name") {
             Some("default") => (true, "/"),
-            Some("v2") => (false, "."),
+            Some("v2") => (false, ""),
             _ => return Err(missing("chunk_key_encoding")),
         };
         let separator = configured(encoding, "separator");
         let separator = match word(separator.as_ref(), "chunk_key_encoding", &[usual, ".", "/"])? {
             "/" => '/',
+            "" if are_nested(folder) => '/',
             _ => '.',
         };
         let keys = Keys { prefix, separator };

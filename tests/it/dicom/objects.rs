@@ -157,11 +157,14 @@ fn projections_of_nuclear_medicine_are_no_slices() {
 
 #[test]
 fn a_dose_begins_at_its_position_whatever_its_offsets_begin_with() {
-    let dose = |orientation: &str, offsets: &str| {
+    let found = |orientation: &str, offsets: &str| {
         let mut image = frames("1.2.840.10008.5.1.4.1.1.481.2", "RTDOSE", &[10, 20, 30]);
         image.set(POSITION, "DS", "1\\2\\3").set(ORIENTATION, "DS", orientation);
         image.set(0x3004_000c, "DS", offsets).set(0x3004_000e, "DS", "0.5");
-        let found = Found::in_files(&[image]);
+        Found::in_files(&[image])
+    };
+    let dose = |orientation: &str, offsets: &str| {
+        let found = found(orientation, offsets);
         (line(found.volume(0)), found.firsts().remove(0))
     };
     let (up, down) = ("1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\-1\\0");
@@ -174,6 +177,22 @@ fn a_dose_begins_at_its_position_whatever_its_offsets_begin_with() {
     assert_eq!(dose(down, "3\\7\\11"), (([1.0, 2.0, 11.0], [0.0, 0.0, -4.0]), vec![30, 20, 10]));
     // Coordinates along z say nothing where z is not a normal.
     assert_eq!(dose("1\\0\\0\\0\\0\\-1", "3\\7\\11"), (([1.0, 2.0, 3.0], [0.0, 4.0, 0.0]), rising));
+    assert_eq!(dose(up, "0\\2,5\\5").0, ([1.0, 2.0, 3.0], [0.0, 0.0, 2.5]));
+    let notes = sentences(&found(up, "0\\2,5\\5").volume(0).info().notes).join("; ");
+    assert!(notes.contains("decimal commas of the Grid Frame Offset Vector"), "{notes}");
+    for (offsets, shown) in [
+        ("0\\x\\8", "`x`"),
+        ("0\\4\\NaN", "`NaN`"),
+        ("0\\\\8", "``"),
+        ("0\\4\\", "``"),
+        ("0\\4", "`0\\4`"),
+        ("0\\4\\8\\12", "`0\\4\\8\\12`"),
+    ] {
+        let found = found(up, offsets);
+        let told = found.refusal(0);
+        let named = format!("its Grid Frame Offset Vector (3004,000C) is {shown}, which is");
+        assert!(found.findings.len() == 1 && told.contains(&named), "{offsets}: {told}");
+    }
 }
 
 /// What makes a frame: its z in mm, and the content of its functional groups.

@@ -228,7 +228,7 @@ fn fifteen_copies_of_one_slice_are_one_slice() {
 #[test]
 fn odd_files_are_opened_or_refused_by_name() {
     for (name, expected) in [
-        ("bad-frame-count.dcm", Err("Number of Frames (0028,0008) is not a positive number")),
+        ("bad-frame-count.dcm", Err("Number of Frames (0028,0008)")),
         ("bad-sequence-jpeg-lossless.dcm", Ok([512, 512, 1])),
         ("cr-mono1-no-preamble.dcm", Ok([440, 440, 1])),
         ("deflated-8bit.dcm", Ok([512, 512, 1])),
@@ -296,7 +296,7 @@ fn every_odd_file_is_classified() {
     }
     println!("{table}");
     for (name, wanted) in [
-        ("bad-frame-count.dcm", "Number of Frames (0028,0008) is not a positive number"),
+        ("bad-frame-count.dcm", "the number of frames is not a positive number"),
         ("bad-sequence-jpeg-lossless.dcm", "512x512 u16, JPEG lossless, first-order prediction, unrolled"),
         ("cr-mono1-no-preamble.dcm", "440x440 u16, implicit little-endian"),
         ("deflated-8bit.dcm", "512x512 u8, deflated, unrolled"),

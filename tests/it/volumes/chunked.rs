@@ -164,6 +164,17 @@ fn chunks_make_the_model_of_their_samples_however_they_are_stored() {
         }
         put_shards(&at.join("shards"), &object);
         assert!(built(at, &at.join("shards"), &["--iso", iso]) == model, "{scalar} shards");
+        // Version 3 with the names of version 2, in folders, which it does not state.
+        let bytes = json!([{"name": "bytes", "configuration": {"endian": "little"}}]);
+        let mut named = version_3(&object, CHUNK, &bytes);
+        named["chunk_key_encoding"] = json!({"name": "v2"});
+        for (name, separator) in [("folders", "/"), ("points", ".")] {
+            put_in(&at.join(name), "zarr.json", named.to_string().as_bytes());
+            for (place, bytes) in chunks(&object, CHUNK) {
+                put_in(&at.join(name), &place.map(|at| at.to_string()).join(separator), &bytes);
+            }
+            assert!(built(at, &at.join(name), &["--iso", iso]) == model, "{scalar} {name}");
+        }
         // What was never written has the value that the metadata states.
         fs::remove_file(at.join("zstd/1.0.1")).unwrap();
         let mut holed = Object::new(DIMS, scalar, [1.0; 3]);

@@ -2,7 +2,7 @@
 //!
 //! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -22,12 +22,16 @@ const EACH_BYTES: u64 = 256;
 
 /// Most names of missing files that are kept.
 const MAX_MISSING: usize = 16;
+/// Most materials that wait for a library behind the faces.
+const MAX_UNDEFINED: usize = 1024;
 
 pub(super) struct Materials<'a> {
     path: &'a Path,
     limits: &'a Limits<'a>,
     numbers: BTreeMap<String, u32>,
     all: Vec<Material>,
+    /// Numbers of materials that are used and that no library defines so far.
+    undefined: BTreeSet<u32>,
     images: BTreeMap<String, Arc<Image>>,
     files: Vec<PathBuf>,
     /// Files that are not there.
@@ -39,7 +43,8 @@ impl<'a> Materials<'a> {
     pub(super) fn new(path: &'a Path, limits: &'a Limits<'a>) -> Self {
         let (numbers, images) = (BTreeMap::new(), BTreeMap::new());
         let (all, files, lacks) = (Vec::new(), Vec::new(), Vec::new());
-        Self { path, limits, numbers, all, images, files, lacks, held_bytes: 0 }
+        let undefined = BTreeSet::new();
+        Self { path, limits, numbers, all, undefined, images, files, lacks, held_bytes: 0 }
     }
 
     fn hold(&mut self, name_bytes: usize) -> Result<(), Stop> {
@@ -51,16 +56,28 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The number of a material; [`NONE`] for an unknown one, which is noted where a library was read.
+    /// The number of a material, which a library may define later.
     pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
-        let number = self.numbers.get(name).copied();
-        if number.is_none() && !self.all.is_empty() {
-            let name = shown(name);
-            self.lack(format!(
-                "uses the material {name}, which its libraries do not define; those faces have no colour"
-            ))?;
+        if let Some(number) = self.numbers.get(name) {
+            return Ok(*number);
         }
-        Ok(number.unwrap_or(NONE))
+        if self.undefined.len() == MAX_UNDEFINED {
+            self.lack(format!(
+                "uses more than {MAX_UNDEFINED} materials before a library defines them; faces of the others have no colour: put mtllib before the faces"
+            ))?;
+            return Ok(NONE);
+        }
+        let number = self.add(name.to_owned())?;
+        self.undefined.insert(number);
+        Ok(number)
+    }
+
+    fn add(&mut self, name: String) -> Result<u32, Stop> {
+        self.hold(name.len())?;
+        let number = u32::try_from(self.all.len()).unwrap_or(NONE);
+        self.numbers.insert(name, number);
+        self.all.push(Material { color: [1.0; 3], texture: None });
+        Ok(number)
     }
 
     fn lack(&mut self, lack: String) -> Result<(), Stop> {
@@ -71,10 +88,23 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// Summary of all materials, and the files of the mesh.
-    pub(super) fn summary(self) -> Summary {
+    /// Summary of all materials, and the files of the mesh; and the numbers of materials that nothing defines, which
+    /// are noted where a library was read.
+    pub(super) fn summary(mut self) -> Result<(Summary, BTreeSet<u32>), Stop> {
+        let undefined = std::mem::take(&mut self.undefined);
+        if undefined.len() == self.all.len() {
+            self.all.clear();
+        }
+        let is_read = !self.all.is_empty();
+        let numbers = std::mem::take(&mut self.numbers);
+        for (name, _) in numbers.iter().filter(|(_, number)| is_read && undefined.contains(number)) {
+            let name = shown(name);
+            self.lack(format!(
+                "uses the material {name}, which its libraries do not define; those faces have no colour"
+            ))?;
+        }
         let Self { all: materials, files, lacks, held_bytes, .. } = self;
-        Summary { materials, files, lacks, held_bytes, ..Summary::default() }
+        Ok((Summary { materials, files, lacks, held_bytes, ..Summary::default() }, undefined))
     }
 
     /// A file that the mesh names; `None` if it is missing.
@@ -125,11 +155,9 @@ impl<'a> Materials<'a> {
             match words.word() {
                 b"newmtl" => {
                     let name = words.rest_of_line(1024)?;
-                    self.hold(name.len())?;
-                    at = Some(self.all.len());
-                    let number = u32::try_from(self.all.len()).unwrap_or(NONE);
-                    self.numbers.insert(name, number);
-                    self.all.push(Material { color: [1.0; 3], texture: None });
+                    let used = self.numbers.get(&name).copied().filter(|used| self.undefined.remove(used));
+                    let number = used.map_or_else(|| self.add(name), Ok)?;
+                    at = usize::try_from(number).ok();
                 }
                 b"Kd" => {
                     let line = words.line();

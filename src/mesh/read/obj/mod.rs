@@ -5,6 +5,7 @@
 
 mod materials;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::appearance::{Appearance, NO_MATERIAL};
@@ -36,6 +37,8 @@ struct Carried {
     normals: Vertices,
     /// Colours of all vertices, if one has a colour.
     colors: Option<Vertices>,
+    /// Numbers of materials that no library defines.
+    undefined: BTreeSet<u32>,
 }
 
 /// The same while the file is read.
@@ -58,8 +61,9 @@ impl Spools {
         }
     }
 
-    fn finish(self) -> Result<Carried, Stop> {
+    fn finish(self, undefined: BTreeSet<u32>) -> Result<Carried, Stop> {
         Ok(Carried {
+            undefined,
             triangles: self.triangles.finish()?.0,
             places: self.places.into_vertices()?,
             normals: self.normals.into_vertices()?,
@@ -141,8 +145,8 @@ pub(super) fn open(file: &PositionalFile, path: &Path, limits: &Limits<'_>) -> R
     }
     let no_normals = spools.as_ref().is_some_and(|spools| spools.normals.count == 0);
     let missing = [named[0] && places == 0, named[1] && no_normals];
-    let carried = spools.map(Spools::finish).transpose()?;
-    let mut summary = materials.summary();
+    let (mut summary, undefined) = materials.summary()?;
+    let carried = spools.map(|spools| spools.finish(undefined)).transpose()?;
     let lacks = [
         "names places in a texture (vt) that it does not hold; the model lacks the texture".to_owned(),
         "names normals (vn) that it does not hold; those of its triangles are used".to_owned(),
@@ -176,6 +180,7 @@ impl Obj {
             places: Pages::new(&carried.places, FEW_PAGES),
             normals: Pages::new(&carried.normals, FEW_PAGES),
             colors: carried.colors.as_ref().map(|colors| Pages::new(colors, FEW_PAGES)),
+            undefined: &carried.undefined,
             face: 0,
         };
         self.faces.for_each(&mut |t| each(t, &Appearance { part: part(), ..open.next()? }))
@@ -188,6 +193,7 @@ struct LookReader<'a> {
     places: Pages<'a>,
     normals: Pages<'a>,
     colors: Option<Pages<'a>>,
+    undefined: &'a BTreeSet<u32>,
     face: u64,
 }
 
@@ -209,7 +215,7 @@ impl LookReader<'_> {
         let mut look = Appearance {
             places: places.map(|of| of.map(single).map(|[u, v, _]| [u, v])),
             normals: normals.map(|of| of.map(single)),
-            material,
+            material: if self.undefined.contains(&material) { NO_MATERIAL } else { material },
             ..Appearance::NONE
         };
         if let Some(colors) = &mut self.colors {

@@ -35,6 +35,10 @@ const PLACED_BYTES: u64 = 128;
 /// Types of objects that are built.
 const OBJECT_TYPES: [&[u8]; 3] = [b"model", b"surface", b"other"];
 
+/// Marks of Cura for objects that are not printed as such.
+const CURA_MARKS: [&[u8]; 4] =
+    [b"cura:support_mesh", b"cura:anti_overhang_mesh", b"cura:infill_mesh", b"cura:cutting_mesh"];
+
 const MIXED: &str =
     "has colours in several layers or mixtures, which are not read; those triangles have no colour";
 
@@ -207,6 +211,13 @@ impl<'a> Reader<'a> {
                     }
                     self.left_out += u64::from(support);
                 }
+                b"metadata" if object.is_some() && !support && !empty => {
+                    let is_mark = xml.raw(b"name").is_some_and(|name| CURA_MARKS.contains(&name));
+                    support = is_mark && xml.content(5)?.eq_ignore_ascii_case(b"true");
+                    self.left_out += u64::from(support);
+                }
+                // Items may have metadata of their own.
+                b"build" => object = None,
                 b"mesh" => {
                     let Some((id, _)) = object else { return Err(xml.wrong()) };
                     (vertex_base, triangle_base) = (self.vertices.count, self.triangles.count);

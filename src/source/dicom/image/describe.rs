@@ -5,9 +5,10 @@ use std::borrow::Cow;
 use std::fmt;
 
 use super::pixels::{CellFormat, PixelLayout};
+use crate::source::dicom::attribute::Attribute;
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
-use crate::text::Count;
+use crate::text::{Count, shown};
 use crate::volume::{Endian, Note, ScalarType};
 
 /// Reason why an image cannot be a slice of a volume.
@@ -126,10 +127,17 @@ impl Image {
             }
             _ => None,
         };
-        let frames = match header.frames {
+        let frames = match &header.frames {
             None => 1,
-            Some(Ok(n)) if n > 0 => n,
-            Some(_) => return Err(Obstacle::new("Number of Frames (0028,0008) is not a positive number")),
+            Some(Ok(n)) if *n > 0 => *n,
+            Some(stated) => {
+                let text = stated.as_ref().map_or_else(Clone::clone, u32::to_string);
+                return Err(Obstacle::new(format!(
+                    "its {} is `{}`, which is not a positive number; correct the header",
+                    Attribute::NumberOfFrames,
+                    shown(&text)
+                )));
+            }
         };
         let side = |side: Option<u16>, what| {
             side.filter(|n| *n > 0)

@@ -26,6 +26,7 @@ use std::str::FromStr;
 use super::error::{ReadFault, ScanError};
 use super::window::{ReadAt, Window};
 use crate::fault::conversions;
+use crate::text::shown;
 
 /// Reason why the private header of a Siemens image cannot be read, as the end of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -177,7 +178,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
                 let text = String::from_utf8_lossy(until_zero(text));
                 let text = text.trim();
                 if !text.is_empty() {
-                    let wrong = |_| CsaFault::new(format!("it states `{}` as a number", text.escape_debug()));
+                    let wrong = |_| CsaFault::new(format!("it states `{}` as a number", shown(text)));
                     *slot = text.parse().map_err(wrong)?;
                     stated += 1;
                 }

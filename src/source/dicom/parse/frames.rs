@@ -117,7 +117,7 @@ fn walk<R: ReadAt + ?Sized>(
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
 ) -> Result {
     let mut parser = Parser::new(input)?;
-    let frames = header.frames.and_then(Result::ok).unwrap_or(1);
+    let frames = header.frames.as_ref().and_then(|frames| frames.as_ref().ok()).map_or(1, |frames| *frames);
     let mut base = FrameGeometry::of_file(header);
     if let Some(at) = header.offsets.detectors.filter(|_| base.position.is_none()) {
         first_item(&mut parser, at, header.encoding, &mut |parser, at, end, encoding| {
@@ -138,7 +138,7 @@ fn walk<R: ReadAt + ?Sized>(
     if let Some(at) = header.offsets.frame_groups {
         visited = of_groups(&mut parser, at, header.encoding, frames, &base, each)?;
     } else if let Some(at) = header.offsets.grid_offsets.filter(|_| frames > 1) {
-        visited = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
+        visited = of_grid(&mut parser, at, header.encoding, frames, &mut base, each)?;
     }
     let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
     // Slices may state only their thickness, or nothing; frames of a film are not slices.
@@ -289,49 +289,45 @@ const ENOUGH: ScanError = ScanError::NotDicom;
 
 /// Frames of an RT dose, by the Grid Frame Offset Vector (PS3.3 C.8.8.3.2): offsets along the normal if
 /// the first is 0, else coordinates along z. The first frame lies at the stated position, also where its
-/// coordinate says otherwise, and where z is not a normal of the frames.
+/// coordinate says otherwise, and where z is not a normal of the frames. A wrong vector visits none, and is noted in
+/// `base`.
 fn of_grid<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,
     encoding: Encoding,
     frames: u32,
-    base: &FrameGeometry,
+    base: &mut FrameGeometry,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
 ) -> Result<u32> {
     let element = parser.element(at, encoding)?;
     let end = parser.skip(&element, at, encoding)?;
+    let count = usize::try_from(frames).unwrap_or(usize::MAX);
+    let stated = Stated { attribute: Attribute::GridOffsets, count: Some(count), whole: false };
+    let (mut at, mut found, mut wrong) = (element.value_at, 0, None);
+    while at <= end && found <= frames && wrong.is_none() {
+        let (value, next) = next_value(parser, at, end)?;
+        wrong = number(value.as_bytes()).is_none().then(|| stated.wrong(&value));
+        base.comma = base.comma.or(value.contains(',').then_some(Attribute::GridOffsets));
+        (at, found) = (next, found + 1);
+    }
+    if wrong.is_none() && found != frames {
+        let most = PIECE.min(usize::try_from(end - element.value_at).unwrap_or(PIECE));
+        wrong = Some(stated.wrong(&text(parser.window.upto(element.value_at, most)?)));
+    }
+    if wrong.is_some() {
+        base.wrong = base.wrong.take().or(wrong);
+        return Ok(0);
+    }
     let Some((position, normal)) = base.position.zip(base.normal()) else { return Ok(0) };
     let mut frame = base.clone();
     frame.origin = Origin::Grid;
     let axial = normal[2].abs() > 1.0 - 1e-6;
-    // The number at a byte, and the byte after it.
-    let mut read = |at: u64, index: u32| -> Result<(f64, u64)> {
-        let most = PIECE.min(usize::try_from(end.saturating_sub(at)).unwrap_or(PIECE));
-        let piece = parser.window.upto(at, most)?;
-        let length = piece.iter().position(|b| *b == b'\\').unwrap_or(piece.len());
-        let found = piece.get(..length).unwrap_or(&[]);
-        let offset = number(found).ok_or_else(|| {
-            let (frame, found) = (u64::from(index) + 1, text(found));
-            damaged(at, format!("the Grid Frame Offset Vector (3004,000C) has `{found}` for frame {frame}, which is no number"))
-        });
-        offset.map(|offset| (offset, at + length as u64 + 1))
-    };
-    // All of it before any frame is placed by it.
     let mut at = element.value_at;
-    for index in 0..frames {
-        (_, at) = read(at, index)?;
-    }
-    if at < end {
-        return Err(damaged(
-            at,
-            format!("the Grid Frame Offset Vector (3004,000C) has more numbers than frames, {frames}"),
-        ));
-    }
-    at = element.value_at;
     let mut first = None;
     for index in 0..frames {
-        let offset;
-        (offset, at) = read(at, index)?;
+        let (value, next) = next_value(parser, at, end)?;
+        let Some(offset) = number(value.as_bytes()) else { return Ok(0) };
+        at = next;
         frame.index = index;
         let first = *first.get_or_insert(offset);
         let direction = if first != 0.0 && axial { [0.0, 0.0, 1.0] } else { normal };
@@ -341,6 +337,14 @@ fn of_grid<R: ReadAt + ?Sized>(
         }
     }
     Ok(frames)
+}
+
+/// The value at `at` in a list of them that ends at `end`, and the place of the next one.
+fn next_value<R: ReadAt + ?Sized>(parser: &mut Parser<'_, R>, at: u64, end: u64) -> Result<(String, u64)> {
+    let most = PIECE.min(usize::try_from(end.saturating_sub(at)).unwrap_or(PIECE));
+    let piece = parser.window.upto(at, most)?;
+    let length = piece.iter().position(|b| *b == b'\\').unwrap_or(piece.len());
+    Ok((text(&piece[..length]), at + length as u64 + 1))
 }
 
 /// Reads the first item of the sequence at `at`, steps over the others, and returns the offset after it.

@@ -173,8 +173,8 @@ pub struct DicomHeader {
     pub high_bit: Option<u16>,
     /// Pixel Representation: 0 unsigned, 1 two's complement.
     pub pixel_representation: Option<u16>,
-    /// Number of Frames; `Some(Err)` when present but not a number.
-    pub frames: Option<Result<u32, ()>>,
+    /// Number of Frames; its text where that is not a number.
+    pub frames: Option<Result<u32, String>>,
     /// Frame Increment Pointer, the first tag.
     pub frame_increment: Option<u32>,
     /// Image Position (Patient): centre of the first pixel in LPS mm.
@@ -417,7 +417,7 @@ elements! { |header, value, endian|
     0x0028_0006 => header.planar = word_of(value, endian),
     0x0028_0008 => {
         let digits = text(value);
-        header.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+        header.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| digits.chars().take(64).collect()));
     },
     0x0028_0009 => {
         let element = value.get(2..).and_then(|rest| word_of(rest, endian));

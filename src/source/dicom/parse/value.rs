@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use crate::source::dicom::attribute::Attribute;
+use crate::text::shown;
 use crate::volume::Endian;
 
 /// A tag: group in the high 16 bits, element in the low.
@@ -77,7 +78,7 @@ impl Stated {
         Judgement::Wrong(self.wrong(&text.join("\\")))
     }
 
-    fn wrong(&self, text: &str) -> WrongNumbers {
+    pub(super) fn wrong(&self, text: &str) -> WrongNumbers {
         const SHOWN: usize = 64;
         WrongNumbers {
             attribute: self.attribute,
@@ -105,12 +106,7 @@ pub struct WrongNumbers {
 
 impl Display for WrongNumbers {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "its {} is `{}`, which is infinite or not a number",
-            self.attribute,
-            self.text.escape_debug()
-        )?;
+        write!(f, "its {} is `{}`, which is infinite or not a number", self.attribute, shown(&self.text))?;
         if let Some(count) = self.count.filter(|count| *count > 1) {
             write!(f, ", or not {count} of them")?;
         }

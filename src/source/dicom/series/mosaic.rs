@@ -68,7 +68,7 @@ fn is_frame_set(header: &DicomHeader) -> bool {
 
 /// Arrangement of the slices in an image that [`is_one`]; or the reason why it is unknown.
 pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<MosaicLayout, Obstacle> {
-    if header.frames.is_some_and(|frames| frames != Ok(1)) {
+    if header.frames.as_ref().is_some_and(|frames| *frames != Ok(1)) {
         return Err(Obstacle::new("a Siemens mosaic of several frames cannot be read"));
     }
     if is_frame_set(header) {

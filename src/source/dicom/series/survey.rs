@@ -150,6 +150,9 @@ fn add_file(series: &mut Series, file: usize, input: &PositionalFile, header: &D
     });
     if let Err(error) = visited {
         let fault = Obstacle::new(format!("its frames cannot be distinguished: {error}"));
+        // Frames before the damage are no volume without the rest.
+        let number = u32::try_from(file).unwrap_or(u32::MAX);
+        series.wrong.get_or_insert_with(|| (number, fault.to_string()));
         add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
     }
 }
