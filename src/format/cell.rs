@@ -40,6 +40,34 @@ pub fn at_corner(normal: [i32; 3], corner: usize) -> i32 {
     signed(0) + signed(1) + signed(2)
 }
 
+/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one included.
+pub(crate) const SEPARABLE: [bool; 256] = {
+    // Integer weights of -2 to 2 suffice for every such pattern of three variables.
+    let mut table = [false; 256];
+    let mut weights = 0;
+    while weights < 125 {
+        let w = [weights % 5 - 2, weights / 5 % 5 - 2, weights / 25 - 2];
+        // Odd limits, beyond twice the greatest value: doubled values are even, so no corner lies on a limit.
+        let mut limit = -13;
+        while limit <= 13 {
+            let (mut mask, mut c) = (0, 0);
+            while c < CORNERS {
+                let value = w[0] * (2 * (c & 1) as i32 - 1)
+                    + w[1] * (2 * (c >> 1 & 1) as i32 - 1)
+                    + w[2] * (2 * (c >> 2) as i32 - 1);
+                if 2 * value < limit {
+                    mask |= 1 << c;
+                }
+                c += 1;
+            }
+            table[mask] = true;
+            limit += 2;
+        }
+        weights += 1;
+    }
+    table
+};
+
 /// The plane of a cell: points with `normal . u <= offset` are inside. The normal is of index space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plane {
@@ -183,6 +211,12 @@ fn number_of(bytes: &[u8], directory: &[[u8; 8]], at: usize, value: u8) -> u64 {
 #[expect(clippy::cast_possible_truncation, reason = "numbers made up for the test")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn patterns_that_a_plane_separates_are_counted_as_in_the_literature() {
+        assert_eq!(SEPARABLE.iter().filter(|s| **s).count(), 104);
+        assert!(SEPARABLE[0b1111_0000] && !SEPARABLE[0b1000_0001] && !SEPARABLE[0b0110_1001]);
+    }
 
     #[test]
     fn corners_are_found_by_rank_whatever_the_feed_sizes() {

@@ -109,13 +109,8 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
     let half = ["--surface", "skin", "--downsample", "2"];
     type Row<'a> = (&'a [&'a str], [u32; 3], ScalarType, &'a [u32]);
     let table: [Row<'_>; 11] = [
-        (
-            &["--surface", "skin"],
-            [150, 270, 300],
-            U16,
-            if long() > 1 { &[1, 2, 3, 7, 256] } else { &[1, 3, 40] },
-        ),
-        (&cells, [150, 270, 300], I16, if long() > 1 { &[1, 2, 3, 7, 64] } else { &[2, 7] }),
+        (&["--surface", "skin"], [150, 270, 300], U16, if long() > 1 { &[1, 2, 3, 7, 256] } else { &[40] }),
+        (&cells, [150, 270, 300], I16, if long() > 1 { &[1, 2, 3, 7, 64] } else { &[7] }),
         // Cells reach one further than samples.
         (&cells, [40, 128, 256], U8, &[2, 3, 7]),
         (&rich, [129, 257, 140], U8, &[3, 7]),
@@ -188,7 +183,7 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
 fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_cuts() {
     use ScalarType::{F32, I8, I16, I32, U8, U16};
     let mut random = Random(29);
-    for round in 0..8 * long() {
+    for round in 0..5 * long() {
         let mut pick = |words: &[&str]| words[random.below(words.len())].to_owned();
         let groups = [
             pick(&["--surface skin", "--surface cells", "--surface skin --connectivity 6 --gradient auto"]),

@@ -36,10 +36,12 @@ fn solids_of_other_programs_come_out_right() {
         let notes = notes(&build(folder.path(), &data.join(name), &grid));
         assert!(words.iter().all(|words| notes.contains(words)), "{name}: {notes}");
     }
-    // Open, and with more open edges than are closed: the fill has to be said.
-    let instances = data.join("24_gpu_instancing.gltf");
-    let notes = notes(&build(folder.path(), &instances, &[&grid[..], &["--fill", "parity"]].concat()));
-    assert!(notes.contains("parts") && !notes.contains("1 part,"), "{notes}");
+    // Open, and with more open edges than are closed: the fill has to be said. It has 7.7 million triangles.
+    if long() > 1 {
+        let instances = data.join("24_gpu_instancing.gltf");
+        let notes = notes(&build(folder.path(), &instances, &[&grid[..], &["--fill", "parity"]].concat()));
+        assert!(notes.contains("parts") && !notes.contains("1 part,"), "{notes}");
+    }
     // An open OBJ takes no more memory than the same mesh in another format.
     let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };
     build(folder.path(), &data.join("suzanne.obj"), &["--grid", "64", "--memory", cap]);

@@ -1,6 +1,7 @@
 //! The samples around one cell, for cells that are not fitted in batches.
 
 use super::jet::{Jet, jet_of};
+use crate::builder::labels::Members;
 use crate::format::cell::CORNERS;
 
 /// Samples of a cell's widest neighbourhood along an axis; the cell lies between the third and the fourth.
@@ -85,21 +86,32 @@ impl Field {
 
     /// True if all inside depths of the volume are equal, and all outside depths are equal.
     pub(super) fn has_two_values(&self) -> bool {
-        let (mut of_inside, mut of_outside) = (None, None);
         let depths = self.depth.as_flattened().as_flattened();
         let sides = self.inside.as_flattened().as_flattened();
         let beyond = self.beyond.as_flattened().as_flattened();
-        depths.iter().zip(sides).zip(beyond).all(|((depth, inside), is_beyond)| {
-            let of = if *inside { &mut of_inside } else { &mut of_outside };
-            *is_beyond || *of.get_or_insert(*depth) == *depth
-        })
+        let first = |side: bool| (0..depths.len()).find(|at| sides[*at] == side && !beyond[*at]);
+        let [outside, inside] = [first(false), first(true)].map(|at| at.map_or(0.0, |at| depths[at]));
+        let mut has_others = false;
+        for ((depth, is_inside), is_beyond) in depths.iter().zip(sides).zip(beyond) {
+            has_others |= !is_beyond & (*depth != if *is_inside { inside } else { outside });
+        }
+        !has_others
     }
 
-    /// The sides, of which the outermost go on beyond.
-    pub(super) fn sides(&self) -> impl Fn([usize; 3]) -> bool {
-        |at| {
-            let [x, y, z] = at.map(|i| i.clamp(1, EDGE) - 1);
-            self.inside[z][y][x]
+    /// The inside ones of 8^3 samples around the cell, a bit each; the outermost sides go on beyond.
+    pub(super) fn inside(&self) -> Members {
+        let within = |i: usize| i.clamp(1, EDGE) - 1;
+        let mut members = [0; 64];
+        for (at, members) in members.iter_mut().enumerate() {
+            let row = &self.inside[within(at / 8)][within(at % 8)];
+            let mut bytes = [0; 8];
+            for x in 0..8 {
+                bytes[x] = u8::from(row[within(x)]);
+            }
+            // Each byte's bit becomes a bit of the highest byte.
+            let bits = u64::from_le_bytes(bytes).wrapping_mul(0x0102_0408_1020_4080);
+            *members = bits.to_le_bytes()[7];
         }
+        members
     }
 }

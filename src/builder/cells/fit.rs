@@ -4,10 +4,10 @@ use super::anisotropy::{Anisotropy, Fit};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, for_each_edge, on_edge, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
 use super::sharp_features::{Sharp, SharpCell, directions, near};
-use super::single_fit::{self, SEPARABLE};
+use super::single_fit;
 use crate::builder::item::eighth;
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::format::cell::CORNERS;
+use crate::format::cell::{CORNERS, SEPARABLE};
 use crate::format::normal;
 
 /// Curvature per voxel from which a cell lies at an edge: normals of neighbours are some 30 degrees apart.

@@ -232,9 +232,8 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
             for (j, (y, is_row)) in ys.into_iter().enumerate() {
                 let row = &plane[y * f.stride..];
                 for (i, (x, is_sample)) in xs.into_iter().enumerate() {
-                    let exists = is_slice && is_row && is_sample;
                     let depth = SampleForm::depth_from(row[x], self.level);
-                    if exists {
+                    if is_slice & is_row & is_sample {
                         field.set([i, j, k], depth, form.is_inside(row[x]));
                     } else {
                         field.set_beyond([i, j, k], -depth.abs() - form.unit);

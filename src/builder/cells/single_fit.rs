@@ -11,7 +11,7 @@ use super::anisotropy::{Anisotropy, Fit};
 use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
 use crate::builder::labels::mask_plane;
-use crate::format::cell::{CORNERS, at_corner};
+use crate::format::cell::{CORNERS, SEPARABLE, at_corner};
 use crate::format::normal;
 use crate::geom::{cross, dot};
 
@@ -48,15 +48,15 @@ pub(super) struct Cell {
 pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     let inside = |c: usize| cell.mask >> c & 1 == 1;
     let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(cell.depth[c], inside(c)));
+    if !SEPARABLE[usize::from(cell.mask)] {
+        return with_corners(cell);
+    }
     if cell.is_label || has_two_values(cell.mask, &depth) {
         let field = field();
         if cell.is_label || field.has_two_values() {
-            let plane = mask_plane(field.sides(), cell.mask);
+            let plane = mask_plane(&field.inside(), cell.mask);
             return plane.map_or_else(|| with_corners(cell), |(code, offset)| CellShape::Plane(code, offset));
         }
-    }
-    if !SEPARABLE[usize::from(cell.mask)] {
-        return with_corners(cell);
     }
     let crossings = Crossings::new(cell.mask, &depth);
     let best = best_plane(cell, &depth, &crossings);
@@ -168,34 +168,6 @@ pub(super) fn with_corners(cell: &Cell) -> CellShape {
     let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
     CellShape::Corners(code, quantised(cell.mask, &depth))
 }
-
-/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one included.
-pub(super) const SEPARABLE: [bool; 256] = {
-    // Integer weights of -2 to 2 suffice for every such pattern of three variables.
-    let mut table = [false; 256];
-    let mut weights = 0;
-    while weights < 125 {
-        let w = [weights % 5 - 2, weights / 5 % 5 - 2, weights / 25 - 2];
-        // Odd limits, beyond twice the greatest value: doubled values are even, so no corner lies on a limit.
-        let mut limit = -13;
-        while limit <= 13 {
-            let (mut mask, mut c) = (0, 0);
-            while c < CORNERS {
-                let value = w[0] * (2 * (c & 1) as i32 - 1)
-                    + w[1] * (2 * (c >> 1 & 1) as i32 - 1)
-                    + w[2] * (2 * (c >> 2) as i32 - 1);
-                if 2 * value < limit {
-                    mask |= 1 << c;
-                }
-                c += 1;
-            }
-            table[mask] = true;
-            limit += 2;
-        }
-        weights += 1;
-    }
-    table
-};
 
 /// The code of +z.
 const ANY: u16 = 0;
@@ -451,12 +423,6 @@ mod tests {
             checked += 1;
         }
         assert!(checked > 1500);
-    }
-
-    #[test]
-    fn patterns_that_a_plane_separates_are_counted_as_in_the_literature() {
-        assert_eq!(SEPARABLE.iter().filter(|s| **s).count(), 104);
-        assert!(SEPARABLE[0b1111_0000] && !SEPARABLE[0b1000_0001] && !SEPARABLE[0b0110_1001]);
     }
 
     #[test]

@@ -9,14 +9,17 @@
 
 use std::sync::LazyLock;
 
-use super::wall::{Fit, MAX_SMOOTH, Samples, Wall, Window};
+use super::wall::{Fit, MAX_SMOOTH, Members, Wall, Window};
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::format::cell::{CORNERS, at_corner};
+use crate::format::cell::{CORNERS, SEPARABLE, at_corner};
 use crate::format::{CornerLabels, WallItem, normal};
 
 /// Most turns of a direction, and size of a turn.
 const TURNS: u32 = 60;
 const TURN: f32 = 0.03;
+/// Overlap of two labels' corners along a direction beyond which its code does not separate them either: a code turns it
+/// by up to a degree, which moves corners by .06.
+const CODE_ERROR: f32 = 0.25;
 
 /// Parameters of the fit of cells.
 pub(super) struct CellFit {
@@ -80,7 +83,9 @@ pub(super) fn fit_cell(
     let (labels, count) = distinct(corners);
     match labels[..count] {
         [a, b] => {
-            if let Some(Parting { code, offset, .. }) = parting((isa, fit), window, corners, a, Some(b)) {
+            if let Some(Parting { code, offset, .. }) =
+                parting((isa, fit), window.members(isa, a, Some(b)), corners, a, Some(b))
+            {
                 return Fitted::Plane(code, offset + i8::from(b > 0), [a, b]);
             }
             if let Some(two) = sheet((isa, fit), window, corners, [a, b]) {
@@ -99,17 +104,16 @@ pub(super) fn fit_cell(
 }
 
 /// The plane between the inside and the outside of a mask in a cell: code of its normal, and offset; `None` where none
-/// separates the corners. `is_inside` tells the 8^3 samples around the cell, `mask` the inside corners.
-pub(in crate::builder) fn mask_plane(is_inside: impl Fn([usize; 3]) -> bool, mask: u8) -> Option<(u16, i8)> {
+/// separates the corners. `inside` are the inside ones of the 8^3 samples around the cell, `mask` the inside corners.
+pub(in crate::builder) fn mask_plane(inside: &Members, mask: u8) -> Option<(u16, i8)> {
     static FIT: LazyLock<CellFit> = LazyLock::new(|| CellFit::new(MAX_SMOOTH));
-    let samples = Samples::of(|at| u16::from(is_inside(at)));
     let corners = std::array::from_fn(|corner| u16::from(mask >> corner & 1));
-    dispatch(MaskKernel { fit: &FIT, samples: &samples, corners: &corners })
+    dispatch(MaskKernel { fit: &FIT, inside, corners: &corners })
 }
 
 struct MaskKernel<'a> {
     fit: &'a CellFit,
-    samples: &'a Samples,
+    inside: &'a Members,
     corners: &'a CornerLabels,
 }
 
@@ -118,7 +122,9 @@ impl Kernel for MaskKernel<'_> {
 
     #[inline(always)]
     fn run(self, isa: impl Lanes) -> Option<(u16, i8)> {
-        let found = parting((isa, self.fit), &self.samples.window(), self.corners, 1, Some(0))?;
+        let mut outside = *self.inside;
+        outside.iter_mut().for_each(|row| *row = !*row);
+        let found = parting((isa, self.fit), [*self.inside, outside], self.corners, 1, Some(0))?;
         Some((found.code, found.offset))
     }
 }
@@ -139,8 +145,15 @@ impl Kernel for TwoPlanes<'_> {
         let Self { fit, window, corners, labels: [a, b, c] } = self;
         let mut best: Option<(u8, Fitted)> = None;
         for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
-            let Some(first) = parting((isa, fit), window, corners, alone, None) else { continue };
-            let Some(second) = parting((isa, fit), window, corners, one, Some(other)) else { continue };
+            let Some(first) = parting((isa, fit), window.members(isa, alone, None), corners, alone, None)
+            else {
+                continue;
+            };
+            let Some(second) =
+                parting((isa, fit), window.members(isa, one, Some(other)), corners, one, Some(other))
+            else {
+                continue;
+            };
             let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
             if best.as_ref().is_none_or(|(least, _)| turned < *least) {
                 let planes = Some((first.offset, second.code, second.offset));
@@ -185,12 +198,20 @@ fn sheet(
 #[inline(always)]
 fn parting(
     (isa, fit): (impl Lanes, &CellFit),
-    window: &Window<'_>,
+    members: [Members; 2],
     corners: &CornerLabels,
     one: u16,
     other: Option<u16>,
 ) -> Option<Parting> {
-    let wall = fit.fit.between(isa, window, corners, one, other);
+    let (mut mask, mut others) = (0_u8, 0_u8);
+    for (corner, label) in corners.iter().enumerate() {
+        mask |= u8::from(*label == one) << corner;
+        others |= u8::from(other.is_none_or(|other| *label == other)) << corner;
+    }
+    if mask | others == u8::MAX && !SEPARABLE[usize::from(mask)] {
+        return None;
+    }
+    let wall = fit.fit.between(isa, members, corners, one, other);
     if let Some(wall) = wall
         && let Some(found) = parted_by(&wall, corners, (one, other), fit.smooth)
     {
@@ -245,18 +266,21 @@ fn turned(
 ) -> Option<Parting> {
     let mut wall = wall;
     let part = |corner: usize, a: usize| if corner >> a & 1 == 1 { 1.0_f32 } else { -1.0 };
-    for _ in 0..TURNS {
-        // The foremost corner of the label, and the backmost of the other.
-        let along = |corner: usize| (0..3).fold(0.0, |sum, a| sum + wall.normal[a] * part(corner, a));
+    // The foremost corner of the label, and the backmost of the other.
+    let ends = |normal: [f32; 3]| {
         let (mut last, mut first) = ((f32::NEG_INFINITY, 0), (f32::INFINITY, 0));
         for (corner, label) in corners.iter().enumerate() {
-            let at = along(corner);
+            let at = (0..3).fold(0.0, |sum, a| sum + normal[a] * part(corner, a));
             if *label == one && at > last.0 {
                 last = (at, corner);
             } else if *label != one && other.is_none_or(|other| *label == other) && at < first.0 {
                 first = (at, corner);
             }
         }
+        [last, first]
+    };
+    let [mut last, mut first] = ends(wall.normal);
+    for _ in 0..TURNS {
         let way: [f32; 3] = std::array::from_fn(|a| part(first.1, a) - part(last.1, a));
         let length = |v: [f32; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
         let (scale, before) = (TURN / length(way).max(1.0), wall.normal);
@@ -266,7 +290,10 @@ fn turned(
             return None;
         }
         wall.normal = moved.map(|c| c / of);
-        if let Some(found) = parted_by(&wall, corners, (one, other), smooth) {
+        [last, first] = ends(wall.normal);
+        if last.0 - first.0 < CODE_ERROR
+            && let Some(found) = parted_by(&wall, corners, (one, other), smooth)
+        {
             return Some(Parting { is_turned: true, ..found });
         }
     }
@@ -283,7 +310,10 @@ fn smooth(
 ) -> u16 {
     let with_none = corners.contains(&0);
     let one = if with_none { 0 } else { greatest };
-    let out = fit.fit.between(isa, window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
+    let out = fit
+        .fit
+        .between(isa, window.members(isa, one, None), corners, one, None)
+        .map_or([0.0, 0.0, 1.0], |wall| wall.normal);
     normal::encode(if with_none { out.map(|c| -c) } else { out })
 }
 

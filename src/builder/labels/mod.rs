@@ -40,6 +40,7 @@ pub(super) use cells::worker_bytes;
 pub(super) use fit::mask_plane;
 use ring::ConvertRow;
 pub use wall::MAX_SMOOTH;
+pub(super) use wall::Members;
 
 /// The labels of a volume that a model is built of.
 #[derive(Clone, Debug, PartialEq, Eq)]

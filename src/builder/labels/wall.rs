@@ -33,7 +33,7 @@ const THIN: f32 = 0.85;
 const STEPS: usize = 3;
 
 /// The samples of each row of the window, as bits.
-type Members = [u8; WINDOW * WINDOW];
+pub(in crate::builder) type Members = [u8; WINDOW * WINDOW];
 
 /// A plane: `normal` leads out of the first label, `along` is its distance along it from the cell's middle, in voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,7 +77,7 @@ pub(super) struct Window<'a> {
 impl Window<'_> {
     /// Members of a label, and members of another (with `None`: of all others), row by row.
     #[inline(always)]
-    fn members(&self, isa: impl Lanes, one: u16, other: Option<u16>) -> [Members; 2] {
+    pub(super) fn members(&self, isa: impl Lanes, one: u16, other: Option<u16>) -> [Members; 2] {
         let mut both = [[0; WINDOW * WINDOW]; 2];
         let end = self.first + (WINDOW - 1) * self.stride + WINDOW;
         for (z, slice) in self.slices.iter().enumerate() {
@@ -120,23 +120,14 @@ impl Window<'_> {
                 *to = *from.first_chunk()?;
             }
         }
-        let bits = |slice: &[u16; WINDOW * WINDOW]| {
-            slice.iter().enumerate().fold(0_u64, |bits, (i, of)| bits | u64::from(*of == label) << i)
-        };
-        let own = slices.each_ref().map(bits);
-        let [z, at] = corner_at(corners.iter().position(|corner| *corner == label)?);
-        let (mut near, mut before) = ([0_u64; WINDOW], [0; WINDOW]);
-        near[z] = 1 << at;
-        while near != before {
-            before = near;
-            for z in 0..WINDOW {
-                let [below, above] = [z.wrapping_sub(1), z + 1].map(|z| near.get(z).copied().unwrap_or(0));
-                near[z] |= (spread(near[z]) | below | above) & own[z];
-            }
+        let mut own = [0; WINDOW * WINDOW];
+        for (row, samples) in own.iter_mut().zip(slices.as_flattened().as_chunks::<WINDOW>().0) {
+            *row = (0..WINDOW).fold(0, |bits, x| bits | u8::from(samples[x] == label) << x);
         }
-        for (slice, (near, own)) in slices.iter_mut().zip(near.iter().zip(own)) {
-            let is_far = |i: usize| (own & !near) >> i & 1 == 1;
-            slice.iter_mut().enumerate().filter(|(i, _)| is_far(*i)).for_each(|(_, of)| *of = far);
+        let near = connected(&own, corners, label)?;
+        for (at, sample) in slices.as_flattened_mut().iter_mut().enumerate() {
+            let is_far = (own[at / WINDOW] & !near[at / WINDOW]) >> (at % WINDOW) & 1 == 1;
+            *sample = if is_far { far } else { *sample };
         }
         (near != own).then_some(Samples(slices))
     }
@@ -151,11 +142,6 @@ impl Window<'_> {
 }
 
 impl Samples {
-    /// Samples by their places along x, y, z.
-    pub(super) fn of(label: impl Fn([usize; 3]) -> u16) -> Self {
-        Self(std::array::from_fn(|z| std::array::from_fn(|at| label([at % WINDOW, at / WINDOW, z]))))
-    }
-
     pub(super) fn window(&self) -> Window<'_> {
         Window { slices: self.0.each_ref().map(|slice| &slice[..]), first: 0, stride: WINDOW }
     }
@@ -172,6 +158,29 @@ impl Samples {
 fn corner_at(corner: usize) -> [usize; 2] {
     let [x, y, z] = [0, 1, 2].map(|a| WINDOW / 2 - 1 + (corner >> a & 1));
     [z, y * WINDOW + x]
+}
+
+/// The samples of a label that are connected to its first corner, by faces and within the window.
+fn connected(own: &Members, corners: &CornerLabels, label: u16) -> Option<Members> {
+    let (mut slices, mut near, mut before) = ([0_u64; WINDOW], [0_u64; WINDOW], [0; WINDOW]);
+    for (slice, rows) in slices.iter_mut().zip(own.as_chunks::<WINDOW>().0) {
+        *slice = u64::from_le_bytes(*rows);
+    }
+    let [z, at] = corner_at(corners.iter().position(|corner| *corner == label)?);
+    near[z] = 1 << at;
+    while near != before {
+        before = near;
+        for z in 0..WINDOW {
+            let below = if z > 0 { near[z - 1] } else { 0 };
+            let above = if z + 1 < WINDOW { near[z + 1] } else { 0 };
+            near[z] |= (spread(near[z]) | below | above) & slices[z];
+        }
+    }
+    let mut members = [0; WINDOW * WINDOW];
+    for (rows, slice) in members.as_chunks_mut::<WINDOW>().0.iter_mut().zip(near) {
+        *rows = slice.to_le_bytes();
+    }
+    Some(members)
 }
 
 /// The samples of a slice, row by row, and their neighbours.
@@ -267,24 +276,24 @@ impl Fit {
         Sums { moment: [sum[0], sum[1], sum[2]], place: sum[3] + sum[7] }
     }
 
-    /// The wall between a label and another, or all others. It separates the cell's corners that have them if a plane
-    /// in its direction can; `None` where the samples give no direction.
+    /// The wall between a label and another, or all others, by the members of both. It separates the cell's corners that
+    /// have them if a plane in its direction can; `None` where the samples give no direction.
     #[inline(always)]
     pub(super) fn between(
         &self,
         isa: impl Lanes,
-        window: &Window<'_>,
+        members: [Members; 2],
         corners: &CornerLabels,
         one: u16,
         other: Option<u16>,
     ) -> Option<Wall> {
-        let [mut a, mut b] = window.members(isa, one, other);
+        let [mut a, mut b] = members;
         let (mut wall, is_thin) = self.wall(isa, &mut a, &mut b)?;
         if is_thin
             && let Some(other) = other
-            && let Some(near) = near(window, corners, [one, other])
+            && let Some(near) = near(&members, corners, [one, other])
         {
-            [a, b] = near.window().members(isa, one, Some(other));
+            [a, b] = near;
             wall = isa.call(Again { fit: self, rough: None, one: &mut a, other: &mut b })?;
         }
         let gap = wall.gap(corners, one, other);
@@ -365,14 +374,12 @@ impl Kernel for Again<'_> {
     }
 }
 
-/// The samples without those of two labels that are not connected to their corners: samples beyond a thin sheet do not
-/// bear on this side.
+/// The members of two labels without those that are not connected to their corners: samples beyond a thin sheet do not
+/// bear on this side. `None` if all are connected.
 #[cold]
-fn near(window: &Window<'_>, corners: &CornerLabels, labels: [u16; 2]) -> Option<Samples> {
-    let far = window.unused();
-    let first = window.apart(corners, labels[0], far);
-    let second = first.as_ref().map_or(*window, Samples::window).apart(corners, labels[1], far);
-    second.or(first)
+fn near(members: &[Members; 2], corners: &CornerLabels, labels: [u16; 2]) -> Option<[Members; 2]> {
+    let near = [connected(&members[0], corners, labels[0])?, connected(&members[1], corners, labels[1])?];
+    (near != *members).then_some(near)
 }
 
 /// Gives samples of other labels the label on whose side they lie.
