@@ -165,6 +165,7 @@ pub(super) fn unit_mm(name: &str) -> Option<f64> {
         "um" | "\u{b5}m" | "\u{3bc}m" | "\\u00b5m" | "micron" | "microns" | "micrometer" | "micrometers"
         | "micrometre" => Some(1e-3),
         "nm" | "nanometer" | "nanometers" => Some(1e-6),
+        "\u{e5}" | "angstrom" | "angstroms" | "\u{e5}ngstr\u{f6}m" => Some(1e-7),
         "inch" | "inches" | "in" => Some(25.4),
         _ => None,
     }
@@ -388,6 +389,7 @@ mod tests {
     fn units_have_their_usual_names() {
         assert_eq!(unit_mm("\"mm\""), Some(1.0));
         assert_eq!(unit_mm("micron"), Some(1e-3));
+        assert_eq!(["\u{c5}", "\u{212b}", "Angstrom"].map(unit_mm), [Some(1e-7); 3]);
         assert_eq!(unit_mm("furlong"), None);
     }
 

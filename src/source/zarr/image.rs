@@ -132,7 +132,6 @@ impl Image {
 /// Millimetres of a unit of UDUNITS-2, as OME-NGFF names them.
 fn length_mm(unit: &str) -> Option<f64> {
     match unit {
-        "angstrom" => Some(1e-7),
         "picometer" => Some(1e-9),
         "kilometer" => Some(1e6),
         "foot" => Some(304.8),
