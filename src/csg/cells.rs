@@ -4,9 +4,9 @@
 //! to inside gives the crossing, and the first of the tree where two cross at one place. So cells do not depend on
 //! boxes and the pruned programs in them.
 
-use super::leaf::Leaf;
+use super::leaf::{Leaf, Rows};
 use super::program::{self, Step};
-use super::sampled::Sampler;
+use super::sampled::ROWS;
 use super::solid::{CsgSolid, CsgWorker, Keep};
 use crate::builder::{
     CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
@@ -14,6 +14,7 @@ use crate::builder::{
 };
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
+use crate::mesh::Crossings;
 use crate::volume::SourceError;
 
 pub(super) struct CsgCells<'a> {
@@ -51,7 +52,7 @@ impl Solid for CsgCells<'_> {
             self.tree.counts[1] * size_of::<LeafCrossing>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
         self.tree.worker_bytes(tile)
             + (1 + self.tree.sampled.len() as u64) * CellEdges::BYTES
-            + (crossed + self.tree.most_steps() * size_of::<Step>()) as u64
+            + (crossed + self.tree.most_steps() * size_of::<Step>() + BodyBits::bytes(&self.tree)) as u64
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
@@ -63,6 +64,7 @@ impl Solid for CsgCells<'_> {
             of_sampled: self.tree.sampled.iter().map(|_| CellEdges::new()).collect(),
             crossed: Vec::with_capacity(self.tree.program.len()),
             at_edge: Vec::with_capacity(self.tree.most_steps()),
+            bodies: BodyBits::new(&self.tree),
         })
     }
 }
@@ -77,10 +79,74 @@ struct CellWorker<'a> {
     crossed: Vec<LeafCrossing>,
     /// The rest of a program at one edge.
     at_edge: Vec<Step>,
+    bodies: BodyBits,
 }
 
 /// Steps of a program above which it is pruned for every edge.
 const MANY: usize = 16;
+
+/// Fewest edges of a brick's slice for which bodies are swept row by row; for fewer, each end is asked for by itself.
+const MIN_EDGES: usize = 8;
+
+/// The samples at the corners of a brick's slice of cells that lie in bodies, a bit each: to ask a body for one costs
+/// nearly as much as for all of a row.
+struct BodyBits {
+    /// Place of a leaf among those held, if that one is the leaf's.
+    places: Vec<u32>,
+    /// Leaves, and their rows in the lower and the upper slice.
+    held: Vec<(u32, [[u64; ROWS]; 2])>,
+    corner: [i32; 3],
+}
+
+impl BodyBits {
+    /// Most bodies held.
+    const MOST: usize = 64;
+
+    /// Most bodies of a tree that are held, and its leaves if there are any.
+    fn sizes(tree: &CsgSolid<'_>) -> [usize; 2] {
+        let bodies = tree.leaves.iter().filter(|leaf| matches!(leaf, Leaf::Body(_))).count();
+        [bodies.min(Self::MOST), if bodies > 0 { tree.leaves.len() } else { 0 }]
+    }
+
+    fn bytes(tree: &CsgSolid<'_>) -> usize {
+        let [bodies, leaves] = Self::sizes(tree);
+        bodies * size_of::<(u32, [[u64; ROWS]; 2])>() + leaves * size_of::<u32>()
+    }
+
+    fn new(tree: &CsgSolid<'_>) -> Self {
+        let [bodies, leaves] = Self::sizes(tree);
+        Self { places: vec![0; leaves], held: Vec::with_capacity(bodies), corner: [0; 3] }
+    }
+
+    /// Sweeps the bodies of a program.
+    fn sweep(&mut self, corner: [i32; 3], steps: &[Step], solid: &CsgSolid<'_>, crossings: &mut Crossings) {
+        self.corner = corner;
+        let [x, y, z] = corner;
+        for (leaf, _) in steps.iter().filter_map(|step| program::leaf_of(*step)) {
+            let own = &solid.leaves[leaf as usize];
+            if self.held.len() == self.held.capacity() {
+                return;
+            }
+            if matches!(own, Leaf::Body(_)) {
+                let mut slices = [[0; ROWS]; 2];
+                for (slice, z) in slices.iter_mut().zip(z..) {
+                    own.fill(Rows { x, y, z }, slice, crossings);
+                }
+                self.places[leaf as usize] = u32::try_from(self.held.len()).unwrap_or(0);
+                self.held.push((leaf, slices));
+            }
+        }
+    }
+
+    /// True for a sample in the body of a leaf; `None` for leaves that are not held.
+    fn contains(&self, leaf: u32, at: [i32; 3]) -> Option<bool> {
+        let place = *self.places.get(leaf as usize)?;
+        let (_, slices) = self.held.get(place as usize).filter(|held| held.0 == leaf)?;
+        let [x, y, z] = [0, 1, 2].map(|k| at[k] - self.corner[k]);
+        let row = slices.get(usize::try_from(z).ok()?)?.get(usize::try_from(y).ok()?)?;
+        Some(row >> x & 1 == 1)
+    }
+}
 
 /// A leaf of a program that an edge may cross.
 struct LeafCrossing {
@@ -115,11 +181,11 @@ impl SolidWorker for CellWorker<'_> {
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-        let Self { samples, tree, edges, list, of_sampled, crossed, at_edge } = self;
+        let Self { samples, tree, edges, list, of_sampled, crossed, at_edge, bodies } = self;
         edges.begin(skin);
         let [_, _, z] = skin.corner();
         tree.ready(z + 2)?;
-        let (solid, near, samplers) = tree.near(skin);
+        let (solid, near, samplers, crossings) = tree.near(skin);
         for (at, own) in of_sampled.iter_mut().enumerate() {
             let is_near = near.iter().any(|step| {
                 let leaf = program::leaf_of(*step).map(|(leaf, _)| &solid.leaves[leaf as usize]);
@@ -132,6 +198,15 @@ impl SolidWorker for CellWorker<'_> {
         }
         list.clear();
         list.extend(edges.wanted());
+        bodies.held.clear();
+        if list.len() >= MIN_EDGES {
+            let [corner, _] = CellEdges::samples_of(skin);
+            bodies.sweep(corner, near, solid, crossings);
+        }
+        let contains = |leaf: u32, at: [i32; 3]| match &solid.leaves[leaf as usize] {
+            Leaf::Sampled(number) => samplers[*number as usize].contains(at),
+            own => bodies.contains(leaf, at).unwrap_or_else(|| own.contains(at)),
+        };
         let sides = samples.to_array();
         for edge in list {
             // Beyond the wall of the grid there is no edge: the wall is the surface.
@@ -142,8 +217,8 @@ impl SolidWorker for CellWorker<'_> {
             if !exists {
                 continue;
             }
-            let steps = if near.len() > MANY { left_at(edge, near, solid, at_edge) } else { near };
-            if let Some(found) = outermost(edge, steps, solid, samplers, of_sampled, crossed) {
+            let steps = if near.len() > MANY { left_at(edge, near, solid, contains, at_edge) } else { near };
+            if let Some(found) = outermost(edge, steps, solid, contains, of_sampled, crossed) {
                 edges.offer(&found);
             }
         }
@@ -156,11 +231,19 @@ impl SolidWorker for CellWorker<'_> {
     }
 }
 
-/// The rest of a program at an edge.
+/// The ends of an edge.
+fn ends(edge: &CellEdge) -> [[i32; 3]; 2] {
+    let mut high = edge.low;
+    high[edge.axis] += 1;
+    [edge.low, high]
+}
+
+/// The rest of a program at an edge; `contains` is true for a leaf and a sample in it.
 fn left_at<'p>(
     edge: &CellEdge,
     steps: &'p [Step],
     solid: &CsgSolid<'_>,
+    contains: impl Fn(u32, [i32; 3]) -> bool,
     out: &'p mut Vec<Step>,
 ) -> &'p [Step] {
     let side = |k: usize| {
@@ -168,7 +251,12 @@ fn left_at<'p>(
         first..first + 1 + u32::from(k == edge.axis)
     };
     let region = VoxelBox { x: side(0), y: side(1), z: side(2) };
-    match solid.prune(steps, &region, Keep::Outermost, out) {
+    let of_leaf = |leaf| match ends(edge).map(|at| contains(leaf, at)) {
+        [true, true] => Cover::Inside,
+        [false, false] => Cover::Outside,
+        _ => Cover::Mixed,
+    };
+    match solid.prune_by(of_leaf, steps, &region, Keep::Outermost, out) {
         Some(Cover::Mixed) => out,
         _ => steps,
     }
@@ -179,27 +267,21 @@ fn outermost(
     edge: &CellEdge,
     steps: &[Step],
     solid: &CsgSolid<'_>,
-    samplers: &[Sampler<'_>],
+    contains: impl Fn(u32, [i32; 3]) -> bool,
     of_sampled: &[CellEdges],
     crossed: &mut Vec<LeafCrossing>,
 ) -> Option<EdgeCrossing> {
-    let mut high = edge.low;
-    high[edge.axis] += 1;
-    let (outer, inner) = if edge.low_inside { (high, edge.low) } else { (edge.low, high) };
     crossed.clear();
     for (leaf, _) in steps.iter().filter_map(|step| program::leaf_of(*step)) {
         let placed = &solid.leaves[leaf as usize];
-        let contains = |p: [i32; 3]| match placed {
-            Leaf::Sampled(at) => samplers[*at as usize].contains(p),
-            own => own.contains(p),
-        };
-        let (outer, inner) = (contains(outer), contains(inner));
+        let [low, high] = ends(edge).map(|at| contains(leaf, at));
+        let (outer, inner) = if edge.low_inside { (high, low) } else { (low, high) };
         let found = if outer == inner {
             None
         } else {
             match placed {
                 Leaf::Sampled(at) => of_sampled[*at as usize].crossing(edge.low, edge.axis),
-                own => own.crossing(edge.low, edge.axis),
+                own => own.crossing(edge.low, edge.axis, low),
             }
         };
         let along = found.map_or(0.5, |found| found.along);
@@ -231,9 +313,11 @@ fn outermost(
 
 #[cfg(test)]
 mod tests {
-    use super::super::leaf::{Ball, Block, Leaf};
+    use super::super::facets;
+    use super::super::leaf::{Ball, Block, Body, Leaf};
     use super::super::place::LatticeGrid;
     use super::*;
+    use crate::geom::Affine;
     use crate::mesh::{Bounds, GridChoice, STEPS};
 
     const SIDE: i32 = 24;
@@ -260,12 +344,39 @@ mod tests {
             program.push(leaf << 1 | if next(9) == 0 { 1 - sign } else { sign });
             program.push(if next(9) == 0 { and + or - usual } else { usual });
         }
+        solid(leaves, program)
+    }
+
+    fn solid(leaves: Vec<Leaf>, program: Vec<Step>) -> CsgSolid<'static> {
         let choice = GridChoice::Side { voxels: SIDE.cast_unsigned(), margin: 1 };
         let place = LatticeGrid::around(choice, &Bounds { low: [0.0; 3], high: [1.0; 3] }).unwrap();
         let extents = leaves.iter().map(Leaf::extent).collect();
         let counts = [leaves.len(), program.len()];
         let name = String::new();
         CsgSolid { name, place, leaves, extents, program, sampled: Vec::new(), counts, text: None }
+    }
+
+    #[test]
+    fn swept_bodies_hold_the_samples_that_they_contain() {
+        let mut to_lattice = Affine::from_spacing([f64::from(STEPS); 3]);
+        to_lattice.rows.iter_mut().for_each(|row| row[3] = 11.3 * f64::from(STEPS));
+        let faces = [facets::sphere(9.0, 30), facets::cylinder([-8.0, 5.0], [3.0, 10.0], 7)];
+        let bodies = faces.map(|faces| Leaf::Body(Box::new(Body::new(&faces, &to_lattice, 1).unwrap())));
+        let solid = solid(bodies.into(), vec![0, 2, 1 << 30]);
+        let (mut bits, mut inside) = (BodyBits::new(&solid), 0);
+        for corner in [[-1, -1, 4], [7, 3, 11], [-1, 15, 0]] {
+            bits.held.clear();
+            bits.sweep(corner, &solid.program, &solid, &mut Crossings::new(1, ROWS));
+            for at in 0..2 * 33 * 33 {
+                let p = [corner[0] + at % 33, corner[1] + at / 33 % 33, corner[2] + at / 33 / 33];
+                for leaf in 0..2 {
+                    let contained = solid.leaves[leaf as usize].contains(p);
+                    assert_eq!(bits.contains(leaf, p), Some(contained), "{leaf} {p:?}");
+                    inside += u32::from(contained);
+                }
+            }
+        }
+        assert!(inside > 500, "{inside}");
     }
 
     /// Leaves that are left out because they lie within others, in boxes within boxes, change no voxel and no crossing.
@@ -309,9 +420,10 @@ mod tests {
                 if whole[0] == whole[1] {
                     continue;
                 }
-                let at_edge = left_at(&edge, near, &solid, &mut second);
+                let contains = |leaf, at| solid.contains(leaf, at);
+                let at_edge = left_at(&edge, near, &solid, contains, &mut second);
                 let [all, few] = [&solid.program, at_edge].map(|steps| {
-                    let found = outermost(&edge, steps, &solid, &[], &[], &mut Vec::new());
+                    let found = outermost(&edge, steps, &solid, contains, &[], &mut Vec::new());
                     found.map(|found| (found.along, found.normal))
                 });
                 assert_eq!(all, few, "{edge:?}");

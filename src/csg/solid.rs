@@ -104,7 +104,8 @@ impl CsgSolid<'_> {
         self.prune_by(|leaf| self.cover(leaf, region), steps, region, keep, out)
     }
 
-    fn prune_by(
+    /// The same, with covers of leaves that are known.
+    pub(super) fn prune_by(
         &self,
         cover: impl FnMut(u32) -> Cover,
         steps: &[Step],
@@ -314,13 +315,16 @@ impl<'a> CsgWorker<'a> {
         if self.samplers.is_empty() { Ok(()) } else { self.reach(z) }
     }
 
-    /// The rest of the program around a brick's slice.
-    pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Sampler<'a>]) {
+    /// The rest of the program around a brick's slice, the samplers, and a buffer for crossings of rows.
+    pub(super) fn near(
+        &mut self,
+        skin: &SkinSlice<'_>,
+    ) -> (&CsgSolid<'a>, &[Step], &mut [Sampler<'a>], &mut Crossings) {
         let [x, _, z] = skin.corner();
         let at = self.box_of(x.into());
-        let Self { solid, slabs, whole, is_whole, samplers, description, .. } = self;
+        let Self { solid, slabs, whole, is_whole, samplers, description, crossings, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };
-        (solid, description.look(skin, solid, left(slabs, whole, z, at)), samplers)
+        (solid, description.look(skin, solid, left(slabs, whole, z, at)), samplers, crossings)
     }
 }
 

@@ -51,12 +51,11 @@ pub(crate) const SEPARABLE: [bool; 256] = {
         let mut limit = -13;
         while limit <= 13 {
             let (mut mask, mut c) = (0, 0);
-            while c < CORNERS {
-                let value = w[0] * (2 * (c & 1) as i32 - 1)
-                    + w[1] * (2 * (c >> 1 & 1) as i32 - 1)
-                    + w[2] * (2 * (c >> 2) as i32 - 1);
+            while c < 8 {
+                let value =
+                    w[0] * (2 * (c & 1) - 1) + w[1] * (2 * (c >> 1 & 1) - 1) + w[2] * (2 * (c >> 2) - 1);
                 if 2 * value < limit {
-                    mask |= 1 << c;
+                    mask |= 1_usize << c;
                 }
                 c += 1;
             }

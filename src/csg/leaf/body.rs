@@ -189,7 +189,7 @@ impl Body {
         let mut differ = (0..3).filter(|k| voxel[*k] != beside[*k]);
         let (axis, None) = (differ.next()?, differ.next()) else { return None };
         let low = if voxel[axis] < beside[axis] { voxel } else { beside };
-        let found = super::cross::of_body(self, low, axis)?;
+        let found = super::cross::of_body(self, low, axis, self.contains(low))?;
         let away = if low == voxel { found.along } else { 1.0 - found.along };
         let length = dot(found.normal, found.normal).sqrt();
         let distance = away * f64::from(STEPS) * (found.normal[axis] / length).abs();

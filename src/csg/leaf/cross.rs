@@ -7,10 +7,15 @@ use crate::mesh::{STEPS, cross_edges};
 
 impl Leaf {
     /// The crossing of the edge from a voxel's middle to the next one's along an axis, for a leaf that holds one of
-    /// them; `None` where it is not found, and for sampled leaves.
+    /// them, the first one if `holds_low`; `None` where it is not found, and for sampled leaves.
     ///
     /// Exact to half a lattice step, by the same whole numbers that decide about middles.
-    pub(in crate::csg) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
+    pub(in crate::csg) fn crossing(
+        &self,
+        low: [i32; 3],
+        axis: usize,
+        holds_low: bool,
+    ) -> Option<EdgeCrossing> {
         let from = low.map(centre);
         let at = |steps: i64| {
             let mut p = from;
@@ -24,24 +29,24 @@ impl Leaf {
             Self::Curved(curved) => curved.contains(p),
             Self::Nothing | Self::Body(_) | Self::Sampled(_) => false,
         };
-        let before = match self {
+        match self {
             Self::Nothing | Self::Sampled(_) => return None,
-            Self::Body(body) => return of_body(body, low, axis),
-            _ => contains(from),
-        };
+            Self::Body(body) => return of_body(body, low, axis, holds_low),
+            _ => {}
+        }
         let (mut first, mut last) = (0, i64::from(STEPS));
         while last - first > 1 {
             let middle = (first + last) / 2;
-            *if contains(at(middle)) == before { &mut first } else { &mut last } = middle;
+            *if contains(at(middle)) == holds_low { &mut first } else { &mut last } = middle;
         }
-        let (inner, outer) = if before { (at(first), at(last)) } else { (at(last), at(first)) };
+        let (inner, outer) = if holds_low { (at(first), at(last)) } else { (at(last), at(first)) };
         let normal = match self {
             Self::Ball(ball) => ball.outwards(inner),
             Self::Half(half) => half.outwards(),
             Self::Curved(curved) => curved.face(inner, outer, true).outwards,
             _ => {
                 let mut across = [0.0; 3];
-                across[axis] = if before { 1.0 } else { -1.0 };
+                across[axis] = if holds_low { 1.0 } else { -1.0 };
                 across
             }
         };
@@ -53,10 +58,9 @@ impl Leaf {
 
 /// The crossing of a body that is next to its outside end; for a large body the one that cells keep, which may come
 /// from bins.
-pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
+pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize, low_inside: bool) -> Option<EdgeCrossing> {
     let mut high = low;
     high[axis] += 1;
-    let low_inside = body.contains(low);
     let mut best: Option<EdgeCrossing> = None;
     body.each_near([low, high], STEPS.into(), |t| {
         cross_edges(t, [low, high], &mut |crossing| {
