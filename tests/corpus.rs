@@ -10,6 +10,8 @@
 mod common;
 #[path = "fuzz/live.rs"]
 mod live;
+#[path = "fuzz/second.rs"]
+mod second;
 #[path = "fuzz/seeds.rs"]
 mod seeds;
 #[path = "fuzz/targets.rs"]
@@ -56,6 +58,11 @@ fn what_the_fuzzer_kept_and_what_it_began_with_is_taken_or_refused() {
             fs::write(folder.join(format!("seed-{number}")), bytes).unwrap();
         }
     }
+    let read = |name: &str, second: fn(&[u8]) -> Option<second::Second>| {
+        first.iter().any(|seed| seed.0 == name && second(&seed.1).is_some())
+    };
+    assert!(read("stl", second::stl) && read("ply", second::ply), "no seed is read a second time");
+    assert!(read("obj", second::obj) && read("off", second::off), "no seed is read a second time");
     for target in TARGETS {
         let begun: Vec<&[u8]> =
             first.iter().filter(|seed| seed.0 == target.name).map(|seed| &seed.1[..]).collect();

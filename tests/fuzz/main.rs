@@ -13,6 +13,7 @@ mod common {
     pub(crate) mod models;
 }
 mod live;
+mod second;
 mod targets;
 
 use std::sync::LazyLock;

@@ -32,6 +32,7 @@ pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     scenes(&mut all);
     arrays(&mut all);
     parts(&mut all);
+    plain_meshes(&mut all);
     tables(&mut all);
     all
 }
@@ -116,6 +117,34 @@ fn parts(all: &mut Seeds) {
         part(&plan, 0, &input).unwrap();
         all.push(("part", fs::read(plan.part_path(0).unwrap()).unwrap()));
     }
+}
+
+/// A body with a face of four corners in the plain forms that a second reading knows.
+fn plain_meshes(all: &mut Seeds) {
+    let points = ["0 0 0", "12.5 0 -1e-1", "12.5 7 0.25", "0 7 .5", "3 2 9.75"];
+    let faces =
+        ["0 3 2 1", "0 1 4", "1 2 4", "2 3 4", "3 0 4"].map(|face| face.split(' ').collect::<Vec<_>>());
+    let counted = |face: &Vec<&str>| format!("{} {}\n", face.len(), face.join(" "));
+    let faces_counted: String = faces.iter().map(counted).collect();
+    let points_alone: String = points.iter().map(|point| format!("{point}\n")).collect();
+    all.push(("off", format!("OFF\n5 5 0\n{points_alone}{faces_counted}").into_bytes()));
+    let head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 5\nproperty list uchar int vertex_indices\nend_header\n";
+    all.push(("ply", format!("{head}{points_alone}{faces_counted}").into_bytes()));
+    let number = |at: &str| at.parse::<usize>().unwrap();
+    let mut obj: String = points.iter().map(|point| format!("v {point}\n")).collect();
+    let mut stl = "solid\n".to_owned();
+    for face in &faces {
+        let corners: Vec<String> = face.iter().map(|at| (number(at) + 1).to_string()).collect();
+        obj += &format!("f {}\n", corners.join(" "));
+        for pair in face[1..].windows(2) {
+            stl += "facet normal 0 0 0\nouter loop\n";
+            stl.extend([face[0], pair[0], pair[1]].map(|at| format!("vertex {}\n", points[number(at)])));
+            stl += "endloop\nendfacet\n";
+        }
+    }
+    all.push(("obj", obj.into_bytes()));
+    all.push(("stl", (stl + "endsolid\n").into_bytes()));
 }
 
 /// Labels and tables of their names, looks of a body, and an image.

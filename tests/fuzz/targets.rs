@@ -25,7 +25,7 @@ use infobyte::jobs::picture::{Outputs, render_file};
 use infobyte::jobs::scene::read_scene;
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, UpAxis};
+use infobyte::mesh::{GridChoice, MeshFacts, MeshOptions, UpAxis};
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
@@ -35,6 +35,7 @@ use sha2::{Digest, Sha256};
 
 use crate::common::frames::{Spec, encapsulated};
 use crate::common::models::{build_csg, build_mesh, skin_options};
+use crate::second::{self, Second};
 
 /// Most memory that a case may take: what reading and building are allowed, twice, and the case itself.
 pub(crate) const MAX_BYTES: usize = 40 << 20;
@@ -91,10 +92,10 @@ pub(crate) const TARGETS: [Target; 33] = targets! {
     },
     vtk: |bytes| volume("case.vtk", bytes, MAX_BUILT),
     amira: |bytes| volume("case.am", bytes, MAX_BUILT),
-    stl: |bytes| mesh("case.stl", bytes),
-    ply: |bytes| mesh("case.ply", bytes),
-    obj: |bytes| mesh("case.obj", bytes),
-    off: |bytes| mesh("case.off", bytes),
+    stl: |bytes| text_mesh("case.stl", bytes, second::stl),
+    ply: |bytes| text_mesh("case.ply", bytes, second::ply),
+    obj: |bytes| text_mesh("case.obj", bytes, second::obj),
+    off: |bytes| text_mesh("case.off", bytes, second::off),
     csg: |bytes| solids(bytes),
     glb: |bytes| mesh("case.glb", bytes),
     gltf: |bytes| mesh("case.gltf", bytes),
@@ -287,6 +288,7 @@ fn looks(library: &[u8], image: &[u8]) -> bool {
     put("case.img", image);
     let channels = Channels::from([Channel::Normal, Channel::Color]);
     built_mesh("looks.obj", BODY.as_bytes(), &BuildOptions { channels: Some(channels), ..options() })
+        .is_some()
 }
 
 /// Most models, lights and bounces of a scene that is shown: more take longer than a case may.
@@ -360,10 +362,31 @@ fn read(mut source: Box<dyn VolumeSource>, built: u64) -> bool {
 
 /// Reads a mesh and builds it in a small grid.
 fn mesh(name: &str, bytes: &[u8]) -> bool {
-    built_mesh(name, bytes, &options())
+    built_mesh(name, bytes, &options()).is_some()
 }
 
-fn built_mesh(name: &str, bytes: &[u8], options: &BuildOptions) -> bool {
+/// A mesh that a slow second reading may read, too: with the same triangles, between the same corners.
+fn text_mesh(name: &str, bytes: &[u8], second: fn(&[u8]) -> Option<Second>) -> bool {
+    let Some(facts) = built_mesh(name, bytes, &options()) else { return false };
+    if let Some(Second { triangles, range: [low, high] }) = second(bytes) {
+        assert_eq!(facts.triangles, triangles, "another number of triangles");
+        // A grid of 12 voxels, one of them on either side of the longest.
+        let longest = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+        let far = (0..3).map(|a| low[a].abs().max(high[a].abs())).fold(0.0, f64::max);
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-5 * far;
+        assert!(near(facts.voxel_mm, longest / 10.0), "voxels of {}, not {}", facts.voxel_mm, longest / 10.0);
+        // Along the others the grid has whole voxels, and the mesh lies in its middle.
+        for a in 0..3 {
+            let before = low[a] - facts.voxel_mm - facts.origin_mm[a];
+            let most = if high[a] - low[a] == longest { 0.0 } else { facts.voxel_mm / 2.0 };
+            assert!(before >= -1e-5 * far && before <= most + 1e-5 * far, "begins {before} mm before");
+        }
+    }
+    true
+}
+
+/// The facts of a mesh that is built; `None` if it is refused.
+fn built_mesh(name: &str, bytes: &[u8], options: &BuildOptions) -> Option<MeshFacts> {
     let path = put(name, bytes);
     let how = MeshOptions {
         grid: GridChoice::Side { voxels: 12, margin: 1 },
@@ -375,11 +398,14 @@ fn built_mesh(name: &str, bytes: &[u8], options: &BuildOptions) -> bool {
     };
     let output = folder().join("mesh.oct");
     match build_mesh(&[path], &how, options, &output, &Silent) {
-        Ok(_) => {
+        Ok(report) => {
             verify(&fs::File::open(&output).unwrap()).expect("what is built is sound");
-            true
+            Some(report.facts)
         }
-        Err(refused) => told(&refused.to_string()),
+        Err(refused) => {
+            told(&refused.to_string());
+            None
+        }
     }
 }
 
