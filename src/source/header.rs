@@ -134,8 +134,12 @@ pub(super) fn number<T: FromStr>(field: &str, text: &str) -> Result<T, Fault> {
 /// The numbers of a field, between white space.
 ///
 /// # Errors
-/// The errors of [`number`].
+/// The errors of [`number`], and a field without any.
 pub(super) fn numbers<T: FromStr>(field: &str, text: &str) -> Result<Vec<T>, Fault> {
+    if text.trim().is_empty() {
+        let field = field.escape_debug();
+        return Err(bad!("its header states nothing for {field}; write its numbers, or leave the line out"));
+    }
     text.split_whitespace().map(|part| number(field, part)).collect()
 }
 

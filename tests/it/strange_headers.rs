@@ -541,6 +541,8 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("ElementSpacing", "1,5 1 1"),
                 ("ElementSpacing", "1 1 1 1"),
                 ("ElementSpacing", "n/a 1 1"),
+                ("ElementSpacing", ""),
+                ("Offset", " "),
                 ("ElementSpacing", "1 -1 1"),
                 ("ElementSpacing", "1 1 0"),
                 ("Offset", "0 0"),
@@ -565,6 +567,8 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("space directions", "(1,0,0) (0,1,0) (0,0,1)\nspacings: 1 2 1"),
                 ("space origin", "(0,0,0,0)"),
                 ("space origin", "0 0 0"),
+                ("space origin", "(0,0,0) (1,1,1)"),
+                ("space origin", ""),
                 ("centers", "cell nod cell"),
                 ("kinds", "domain domian domain"),
             ],
@@ -713,6 +717,12 @@ fn what_other_programs_leave_out_or_add_is_read() {
         refused.contains("none of its chunks is there under its name") && refused.contains("0.0.0"),
         "{refused}"
     );
+    for fill in ["256", "-1", "\"Infinity\"", "\"NaN\""] {
+        let metadata = metadata.replace("fill_value\": 9", &format!("fill_value\": {fill}"));
+        file(folder.path(), "fill.zarr/.zarray", metadata.as_bytes());
+        let refused = volumes_of(&folder.path().join("fill.zarr"), &[]).unwrap_err();
+        assert!(refused.contains("`fill_value`"), "{fill}: {refused}");
+    }
     file(folder.path(), "a.zarr/0/0/0", &object.bytes);
     assert_eq!(volumes_of(&folder.path().join("a.zarr"), &object.bytes).unwrap().0, whole);
     for (chunk, words) in [

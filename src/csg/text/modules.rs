@@ -341,14 +341,16 @@ pub(super) fn made_bytes(of: &Arguments) -> u64 {
 fn heights(of: &Arguments) -> Result<[f64; 2], Fault> {
     let straight = of.number("twist", None)?.unwrap_or(0.0) == 0.0
         && of.numbers::<2>("scale", None)?.is_none_or(|scale| scale == [1.0; 2]);
-    let upwards = of.numbers::<3>("v", None)?.is_none_or(|v| v[0] == 0.0 && v[1] == 0.0 && v[2] > 0.0);
+    let direction = of.numbers::<3>("v", None)?;
+    let upwards = direction.is_none_or(|v| v[0] == 0.0 && v[1] == 0.0 && v[2] > 0.0);
     if !straight || !upwards {
         return Err(bad!(
             "{}linear_extrude with twist, scale or a slanted direction is not supported; leave them out",
             At(of.line)
         ));
     }
-    let height = of.number("height", Some(0))?.unwrap_or(100.0);
+    // Without a height the direction's length is taken.
+    let height = of.number("height", Some(0))?.unwrap_or(direction.map_or(100.0, |v| v[2]));
     let start = if of.flag("center", None)? { -height / 2.0 } else { 0.0 };
     Ok([start, start + height])
 }

@@ -57,7 +57,14 @@ impl Geometry {
             "space" => self.space = value.to_lowercase(),
             "space dimension" | "spacedimension" => self.dimension = Some(number(field, value)?),
             "space directions" => self.directions = vectors(field, value)?,
-            "space origin" => self.origin = vectors(field, value)?.pop().flatten().unwrap_or_default(),
+            "space origin" => {
+                let mut all = vectors(field, value)?;
+                let origin = all.pop().filter(|_| all.is_empty());
+                let text = value.escape_debug();
+                self.origin = origin
+                    .ok_or_else(|| bad!("its field `{field}: {text}` is not one vector"))?
+                    .unwrap_or_default();
+            }
             "space units" => self.space_units = quoted(value),
             "units" => self.units = quoted(value),
             "spacings" => self.spacings = numbers(field, value)?,

@@ -91,13 +91,27 @@ impl Notes {
         } else if images > 1 {
             axes = vec![('Z', images)];
         }
-        let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
+        let of_length = |key: &str| value(key).filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
+        let unit = of_length("unit");
+        // Units of y and z are stated where they are others than that of x.
+        for key in ["yunit", "zunit"] {
+            let (own, of_x) = (value(key).unwrap_or(""), value("unit").unwrap_or("nothing"));
+            let is_other = of_length(key).and_then(unit_mm) != unit.and_then(unit_mm);
+            if !own.is_empty() && own != of_x && is_other {
+                return Err(bad!(
+                    "its description states the unit `{of_x}`, and `{own}` for another axis ({key}); save it in one unit"
+                ));
+            }
+        }
         if unit.and_then(unit_mm).is_some() && resolution.contains(&Some(f64::INFINITY)) {
             return Err(bad!(
                 "its resolution is a number over 0, which makes no spacing; save it again, or leave the resolution out"
             ));
         }
         let depth = value("spacing").map(|v| number::<f64>("spacing", v)).transpose()?;
+        if let Some(depth) = depth.filter(|depth| images > 1 && !depth.is_normal()) {
+            return Err(bad!("its description states slices {depth} apart (spacing); save it again"));
+        }
         let spacing = |mm: f64| {
             let across = resolution[0].or(resolution[1])?;
             let down = resolution[1].unwrap_or(across);
@@ -344,6 +358,10 @@ mod tests {
         for (text, words) in [
             ("ImageJ=1\nimages=6\nframes=6\n", "hyperstack"),
             ("ImageJ=1\nunit=mm\nspacing=2,5\n", "`2,5` for spacing"),
+            ("ImageJ=1\nimages=6\nunit=mm\nspacing=nan\n", "slices NaN apart"),
+            ("ImageJ=1\nimages=6\nunit=mm\nspacing=0\n", "slices 0 apart"),
+            ("ImageJ=1\nimages=6\nunit=micron\nzunit=nm\n", "`nm` for another axis (zunit)"),
+            ("ImageJ=1\nimages=6\nunit=micron\nyunit=pixel\n", "`pixel` for another axis (yunit)"),
             ("ImageJ=1\nimages=6\nchannels=two\n", "`two` for channels"),
             ("ImageJ=1\nimages=6\nslices=six\n", "`six` for slices"),
             ("ImageJ=1\ncf=0\nc0=-1024,0\nc1=1\n", "`-1024,0` for c0"),

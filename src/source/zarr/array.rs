@@ -466,7 +466,19 @@ fn fill(samples: Samples, value: Option<&Value>) -> Read<Vec<u8>> {
         Some(value) => value.as_f64(),
     };
     let number = number.ok_or_else(|| missing("fill_value"))?;
-    #[expect(clippy::cast_possible_truncation, reason = "casts saturate; a writer states what fits")]
+    let limits = match samples.delivered() {
+        ScalarType::U8 => [0.0, f64::from(u8::MAX)],
+        ScalarType::I8 => [f64::from(i8::MIN), f64::from(i8::MAX)],
+        ScalarType::U16 => [0.0, f64::from(u16::MAX)],
+        ScalarType::I16 => [f64::from(i16::MIN), f64::from(i16::MAX)],
+        ScalarType::U32 => [0.0, f64::from(u32::MAX)],
+        ScalarType::I32 => [f64::from(i32::MIN), f64::from(i32::MAX)],
+        ScalarType::F32 | ScalarType::F64 => [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    if number < limits[0] || number > limits[1] || number.is_nan() && limits[1].is_finite() {
+        return Err(missing("fill_value"));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "within the limits")]
     Ok(match samples.delivered() {
         ScalarType::U8 => vec![number as u8],
         ScalarType::I8 => vec![(number as i8).cast_unsigned()],

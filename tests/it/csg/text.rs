@@ -202,6 +202,7 @@ fn places_are_matrices() {
             "union() { cube([10, 6, 3]); cube([2, 1.5, 1]); }",
         ),
         ("resize([0, 0, 9], auto = [true, false, false]) cube([5, 4, 3]);", "cube([15, 4, 9]);"),
+        ("linear_extrude(v = [0, 0, 7]) square(4);", "cube([4, 4, 7]);"),
         ("linear_extrude(5) translate([2, 3]) square(4);", "translate([2, 3, 0]) cube([4, 4, 5]);"),
         (
             "$fn = 6; M sphere(5); M cylinder(h = 2, r = 3, $fn = 8);",
