@@ -405,9 +405,11 @@ mod tests {
             let fault = numbers::<f64>("spacing", &format!("1 {text} 1")).unwrap_err().text;
             assert!(fault.contains("spacing") && fault.contains(text), "{fault}");
         }
-        for text in ["1 1", "1 1 1 1", ""] {
+        for (text, words) in
+            [("1 1", "where 3 belong"), ("1 1 1 1", "where 3 belong"), (" ", "nothing for spacing")]
+        {
             let fault = exactly::<3, f64>("spacing", text).unwrap_err().text;
-            assert!(fault.contains("where 3 belong"), "{fault}");
+            assert!(fault.contains(words), "{fault}");
         }
         assert!(number::<u64>("size", "-4").is_err() && number::<u64>("size", "4.0").is_err());
     }

@@ -138,9 +138,11 @@ fn sets(list: &FileList) -> Vec<Set> {
 /// Memory: 16 bytes a file meanwhile.
 ///
 /// # Errors
-/// Numbers are missing and the policy is to refuse that, or the gaps cannot be filled.
+/// Numbers are missing and the policy is to refuse that, the gaps cannot be filled, or files of two names count the same
+/// slices.
 pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, Fault> {
     let sets = sets(list);
+    refuse_two_stacks(list, &sets)?;
     let mut found = None;
     for set in sets.iter().filter(|set| set.files > 2) {
         if let Some(gaps) = set.gaps(list, sets.len() == 1)? {
@@ -157,6 +159,25 @@ pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, Fault> 
         GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
         GapPolicy::Fill => Err(refusal(&gaps)),
     }
+}
+
+/// Refuses files of two names whose numbers overlap, such as images and their masks: they are two stacks.
+fn refuse_two_stacks(list: &FileList, sets: &[Set]) -> Result<(), Fault> {
+    let mut before: Vec<[(u64, u32); 2]> = Vec::new();
+    for set in sets.iter().filter(|set| set.files > 2) {
+        let numbers = set.numbers(list).unwrap_or_default();
+        let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { continue };
+        if let Some([other, _]) = before.iter().find(|[from, to]| first.0 <= to.0 && from.0 <= last.0) {
+            let [a, b] = [other, first].map(|(_, index)| list.name(*index as usize).to_path_buf());
+            return Err(bad!(
+                "holds two stacks, one with {} and one with {}; move one of them into a folder of its own",
+                shown(&a),
+                shown(&b)
+            ));
+        }
+        before.push([*first, *last]);
+    }
+    Ok(())
 }
 
 fn refusal(gaps: &NumberGaps) -> Fault {
@@ -318,6 +339,17 @@ mod tests {
         let repeated = judge(&list(&["s1", "s01", "s2"]), GapPolicy::Keep);
         let fault = repeated.unwrap_err();
         assert!(fault.kind == FaultKind::Damage && fault.text.contains("same number"), "{fault}");
+    }
+
+    #[test]
+    fn files_of_two_names_that_count_the_same_slices_are_two_stacks() {
+        for policy in [GapPolicy::Error, GapPolicy::Keep, GapPolicy::Fill] {
+            let two = list(&["img_1", "img_2", "img_3", "mask_2", "mask_3", "mask_4"]);
+            let Err(refused) = judge(&two, policy) else { panic!("{policy:?}") };
+            assert!(refused.text.contains("img_1") && refused.text.contains("mask_2"), "{refused}");
+            let one = list(&["a_1", "a_2", "a_3", "b_4", "b_5", "b_6", "cover"]);
+            assert!(judge(&one, policy).is_ok(), "{policy:?}");
+        }
     }
 
     #[test]
