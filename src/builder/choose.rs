@@ -42,10 +42,18 @@ pub(crate) fn label_count(
     progress: &dyn Progress,
 ) -> Option<usize> {
     let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
-    match chooser.is_map().ok().filter(|is_map| *is_map).and_then(|_| chooser.by_values().ok())? {
+    match is_map(source).ok().filter(|is_map| *is_map).and_then(|_| chooser.by_values().ok())? {
         (_, Some(BuildNote::Labels { count })) => Some(count),
         _ => None,
     }
+}
+
+/// True if the samples are labels, judged by some slices: the same for every part of a model, and cheap for others.
+///
+/// # Errors
+/// The volume cannot be read.
+pub(crate) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
+    Ok(is_unscaled(source.info().rescale) && histogram::is_map(source)?)
 }
 
 /// A selection of the inside values.
@@ -97,7 +105,7 @@ impl Chooser<'_> {
         }
         match file_range(scalar, &selection, rescale) {
             // Between labels the surface is a mask's, not one of their numbers.
-            Some(range) if selection.kind != SelectionKind::Otsu && self.is_map()? => {
+            Some(range) if selection.kind != SelectionKind::Otsu && is_map(self.source)? => {
                 Ok(Chosen { selection, range: Box::new(MaskRange(range)), note })
             }
             Some(range) => Ok(Chosen { selection, range, note }),
@@ -134,11 +142,6 @@ impl Chooser<'_> {
             Treatment::Mask(count) => Some((half, Some(BuildNote::Labels { count: *count }))),
             _ => None,
         })
-    }
-
-    /// True if the samples are labels, judged by some slices: the same for every part of a model, and cheap for others.
-    fn is_map(&self) -> Result<bool, BuildError> {
-        Ok(is_unscaled(self.source.info().rescale) && histogram::is_map(self.source)?)
     }
 
     /// The selection of a histogram's split, in physical units.

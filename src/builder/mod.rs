@@ -100,7 +100,7 @@ mod volume;
 mod walk;
 
 pub(crate) use bits::{BitVolume, scratch_error};
-pub(crate) use choose::{Chooser, choose_noted, label_count};
+pub(crate) use choose::{Chooser, choose_noted, is_map, label_count};
 pub use error::BuildError;
 pub(crate) use error::BuildFault;
 pub use estimator::Gradient;

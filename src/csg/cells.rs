@@ -229,6 +229,10 @@ impl SolidWorker for CellWorker<'_> {
     fn items(&self, channel: Channel) -> &[u8] {
         self.edges.items(channel)
     }
+
+    fn found(&self) -> ScanSummary {
+        self.tree.found()
+    }
 }
 
 /// The ends of an edge.

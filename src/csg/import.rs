@@ -1,5 +1,6 @@
 //! Conversion of a tree to a solid: the grid, the leaves placed on it, and their files.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::CsgOptions;
@@ -14,17 +15,21 @@ use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
 use super::tree::{Faces, Node, NodeId, Shape, Tree};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
+use crate::builder::{BuildError, BuildNote, BuildOptions, Progress, Threshold, is_map, volume_solid};
 use crate::csg::CsgFacts;
 use crate::csg::fault::{grid_of_volume, nothing, singular};
 use crate::fault::{Fault, bad};
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
-use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part, parts_with_room, triangles_part};
+use crate::mesh::{
+    Bounds, GridChoice, MeshNote, STEPS, mesh_bounds, mesh_part, parts_with_room, triangles_part,
+};
 use crate::platform::give_back;
-use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
-use crate::volume::{SourceError, VolumeSource};
+use crate::source::base_name;
+use crate::text::names::{DIMS, GRID, ORIGIN, VOLUME, VOXEL};
+use crate::text::shown;
+use crate::volume::{SourceError, VolumeSource, sentences};
 
 /// Bytes of triangles that a leaf may take without a check of memory.
 const FEW_BYTES: u64 = 64 << 10;
@@ -106,7 +111,8 @@ impl<'a, 't> Importer<'a, 't> {
             let budget = Budget::of_job(self.options.memory);
             let _laying =
                 budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
-            let laid = ResampledVolume::new(source, &affine, &place, iso, &self.scratch, self.progress)?;
+            let value = (iso, is_map(source)?);
+            let laid = ResampledVolume::new(source, &affine, &place, value, &self.scratch, self.progress)?;
             resampled.push((leaf, laid.ok_or_else(|| self.wrong(singular(line)))?));
         }
         Ok(PlacedTree { place, of_volume: own.is_some(), meshes, resampled })
@@ -115,10 +121,16 @@ impl<'a, 't> Importer<'a, 't> {
     pub(super) fn solid(
         &self,
         PlacedTree { place, of_volume, meshes, resampled }: &'a PlacedTree<'a>,
-    ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
+    ) -> Result<(CsgSolid<'a>, CsgFacts, Vec<String>), BuildError> {
         let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
         let (mut number, mut bodies) = (0, 0);
         let mut sampled = Vec::new();
+        let mut notes = self.volume_notes();
+        let of_nan = |source: &dyn VolumeSource| {
+            format!("{}: {}", shown(&source.info().description.name), BuildNote::NotNumbers)
+        };
+        let with_nan = resampled.iter().filter(|(_, volume)| volume.has_nan);
+        notes.extend(with_nan.map(|(_, volume)| of_nan(volume)));
         let flat = self.flat(self.unit(), &mut |met| {
             let to_lattice = place.to_lattice.after(met.affine);
             let own = resampled.iter().find(|(at, _)| *at == number).map(|(_, resampled)| resampled);
@@ -126,7 +138,9 @@ impl<'a, 't> Importer<'a, 't> {
             let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
-                    sampled.push(self.mesh(path, &to_lattice, &place, meshes)?);
+                    let (solid, found) = self.mesh(path, &to_lattice, &place, meshes)?;
+                    sampled.push(solid);
+                    notes.extend(found.iter().map(ToString::to_string));
                     Leaf::Sampled(u32::try_from(sampled.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
@@ -171,7 +185,21 @@ impl<'a, 't> Importer<'a, 't> {
         let text = Some((self.name.to_path_buf(), file_identity(self.name)));
         let name = self.name.display().to_string();
         let counts = [leaves.len(), program.len()];
-        Ok((CsgSolid { name, place, leaves, extents, program, sampled, counts, text }, facts))
+        let mut known = HashSet::new();
+        notes.retain(|note| known.insert(note.clone()));
+        Ok((CsgSolid { name, place, leaves, extents, program, sampled, counts, text }, facts, notes))
+    }
+
+    /// The notes on the volumes that leaves name.
+    fn volume_notes(&self) -> Vec<String> {
+        let of = |(path, source): &(PathBuf, &'a dyn VolumeSource)| {
+            let name = base_name(path);
+            let sentences = sentences(&source.info().notes).into_iter();
+            // A tree has no choice of volumes.
+            let told = |note: String| note.replace(&format!(" ({VOLUME} chooses)"), "");
+            sentences.map(|note| format!("{}: {}", shown(&name), told(note))).collect::<Vec<_>>()
+        };
+        self.volumes.iter().flat_map(of).collect()
     }
 
     fn volume(&self, path: &Path) -> Result<&'a dyn VolumeSource, BuildError> {
@@ -185,11 +213,11 @@ impl<'a, 't> Importer<'a, 't> {
         to_lattice: &Affine,
         place: &LatticeGrid,
         meshes: usize,
-    ) -> Result<SampledLeaf<'a>, BuildError> {
+    ) -> Result<(SampledLeaf<'a>, Vec<MeshNote>), BuildError> {
         let rows = to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let (to_voxels, scratch) = ((Affine { rows }, place.dims), &self.scratch);
-        let (solid, _) = mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?;
-        Ok(SampledLeaf { solid: Box::new(solid), gives_outwards: false })
+        let (solid, notes) = mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?;
+        Ok((SampledLeaf { solid: Box::new(solid), gives_outwards: false }, notes))
     }
 
     /// A body of many triangles in the bins of a mesh, if cells are built and there is room; it has the crossings of

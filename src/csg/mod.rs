@@ -85,7 +85,7 @@ pub struct CsgOptions {
     pub unit_mm: f64,
 }
 
-/// Makes the solid of a tree, and hands it on; returns facts about the tree.
+/// Makes the solid of a tree, and hands it on; returns facts about the tree, and the notes on its files.
 ///
 /// # Errors
 /// [`BuildError`]
@@ -97,13 +97,13 @@ pub fn with_tree<T>(
     scratch: PathBuf,
     progress: &dyn Progress,
     then: impl FnOnce(&FileSolid<'_>) -> Result<T, BuildError>,
-) -> Result<(T, CsgFacts), BuildError> {
+) -> Result<(T, CsgFacts, Vec<String>), BuildError> {
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let (name, volumes) = (&name, &volumes);
     let front = Importer { tree: &tree, root, volumes, name, csg, options, scratch, progress };
     let placed = front.placed()?;
-    let (tree_solid, facts) = front.solid(&placed)?;
+    let (tree_solid, facts, notes) = front.solid(&placed)?;
     drop(tree);
     // Memory of reading and placing goes back before the build takes its own.
     give_back();
@@ -111,7 +111,7 @@ pub fn with_tree<T>(
     let solid = solid_of(tree_solid, name, options)?;
     let making_s = started.elapsed().as_secs_f64();
     let made = FileSolid { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
-    Ok((then(&made)?, facts))
+    Ok((then(&made)?, facts, notes))
 }
 
 /// The solid whose model is built: of skin voxels, or of cells.

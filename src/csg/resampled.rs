@@ -6,7 +6,8 @@
 //!
 //! A voxel's middle is brought to the volume's samples and rounded to 2^-12 of their distance; its value is the
 //! trilinear interpolation there, rounded to a single. Beyond the outermost samples there is nothing, and voxels are
-//! outside. So a volume that is moved by whole voxels, mirrored or turned by right angles has the voxels that it has
+//! outside. A sample that is not a number is as far outside as the others around it are inside, so that the surface
+//! lies midway; it does so between the two values of a mask, too, and around the labels of a map. So a volume that is moved by whole voxels, mirrored or turned by right angles has the voxels that it has
 //! where it lies, and neither memory nor threads change a value. (Samples of more than 24 bits are rounded to singles
 //! first.)
 //!
@@ -49,6 +50,13 @@ pub(super) struct ResampledVolume<'a> {
     bricks: [u32; 3],
     /// The value outside the volume.
     beyond: f32,
+    /// Added to samples: it brings the middle between the values of a mask to the bound.
+    shift: f64,
+    /// The sample at the surface, and true if higher ones are inside.
+    bound: f64,
+    rises: bool,
+    /// True if some samples are not numbers.
+    pub(super) has_nan: bool,
     file: PositionalFile,
     folder: PathBuf,
     caches: Mutex<Vec<Cache>>,
@@ -77,8 +85,8 @@ fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
 }
 
 impl<'a> ResampledVolume<'a> {
-    /// A volume that `placed` brings from its millimetres to the grid's, of which values from `iso` on are inside;
-    /// `None` if the affine has no inverse.
+    /// A volume that `placed` brings from its millimetres to the grid's, of which values from `iso` on are inside; of a
+    /// map of labels, only their mask is kept. `None` if the affine has no inverse.
     ///
     /// # Errors
     /// The volume cannot be read, or the scratch file not be written.
@@ -86,11 +94,12 @@ impl<'a> ResampledVolume<'a> {
         inner: &'a dyn VolumeSource,
         placed: &Affine,
         place: &LatticeGrid,
-        iso: f64,
+        (iso, is_map): (f64, bool),
         folder: &Path,
         progress: &dyn Progress,
     ) -> Result<Option<Self>> {
         let own = inner.info();
+        let bound = (iso - own.rescale.intercept) / own.rescale.slope;
         let Some(back) = placed.after(&own.affine).inverse() else { return Ok(None) };
         let sides = own.dims.to_array();
         let bricks = sides.map(|n| n.div_ceil(CELLS));
@@ -107,28 +116,39 @@ impl<'a> ResampledVolume<'a> {
             to_samples: back.after(&place.affine),
             sides,
             bricks,
+            rises: own.rescale.slope > 0.0,
+            bound,
             beyond: 0.0,
+            shift: 0.0,
+            has_nan: false,
             file: unnamed(folder).map_err(scratch)?.into(),
             folder: folder.to_path_buf(),
             caches: Mutex::new(Vec::new()),
         };
-        let (low, high) = resampled.lay(progress)?;
+        let found = resampled.lay(is_map, progress)?;
+        let [low, high] = found.ends.map(f64::from);
+        let (outermost, outwards) = if resampled.rises { (low, -1.0) } else { (high, 1.0) };
+        let is_outside = resampled.depth(outermost) < 0.0;
+        if found.is_two_valued && bound.is_finite() && low <= high {
+            let surface = if is_outside { f64::midpoint(low, high) } else { outermost + outwards };
+            resampled.shift = bound - surface;
+        }
         // A value outside, no steeper than at an edge where the volume was cut.
-        let rescale = own.rescale;
-        let bound = (iso - rescale.intercept) / rescale.slope;
-        let step = 1.0 + bound.abs() * 1e-6;
-        let beyond = if rescale.slope > 0.0 {
-            f64::from(low).min(bound - step)
-        } else {
-            f64::from(high).max(bound + step)
-        };
-        resampled.beyond = beyond as f32;
+        let edge = bound + outwards * (1.0 + bound.abs() * 1e-6);
+        let outermost = outermost + resampled.shift;
+        resampled.beyond = (if resampled.rises { outermost.min(edge) } else { outermost.max(edge) }) as f32;
+        resampled.has_nan = found.has_nan;
         Ok(Some(resampled))
     }
 
-    /// Lays the bricks, and finds the lowest and the highest sample that are numbers.
-    fn lay(&self, progress: &dyn Progress) -> Result<(f32, f32)> {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    /// Depth of a sample inside.
+    fn depth(&self, sample: f64) -> f64 {
+        if self.rises { sample - self.bound } else { self.bound - sample }
+    }
+
+    /// Lays the bricks; of a map of labels 1 for those inside, and 0.
+    fn lay(&self, is_map: bool, progress: &dyn Progress) -> Result<Found> {
+        let mut found = Found::new();
         let scalar = self.inner.info().scalar;
         let [nx, ny, nz] = self.sides;
         let [bx, by, bz] = self.bricks;
@@ -154,9 +174,11 @@ impl<'a> ResampledVolume<'a> {
                         for (row, out) in bytes.chunks_exact(row_bytes).zip(plane.chunks_exact_mut(width)) {
                             let out = &mut out[..cols.len()];
                             singles(scalar, row, out);
-                            for v in out.iter().filter(|v| v.is_finite()) {
-                                (low, high) = (low.min(*v), high.max(*v));
+                            if is_map {
+                                let is_inside = |v: f32| self.depth(f64::from(v)) >= 0.0;
+                                out.iter_mut().for_each(|v| *v = f32::from(u8::from(is_inside(*v))));
                             }
+                            found.add(out);
                         }
                     }
                     for (at, brick) in laid.chunks_exact_mut(BRICK).take(count as usize).enumerate() {
@@ -174,7 +196,7 @@ impl<'a> ResampledVolume<'a> {
             }
             progress.step(1)?;
         }
-        Ok((low, high))
+        Ok(found)
     }
 
     fn number(&self, [i, j, k]: [u32; 3]) -> u64 {
@@ -207,7 +229,7 @@ impl<'a> ResampledVolume<'a> {
             (brick[axis], first[axis], parts[axis]) = (sample / CELLS, (sample % CELLS) as usize, at % PARTS);
         }
         let samples = self.brick(self.number(brick), cache)?;
-        let mut sum = 0.0;
+        let (mut sum, mut known) = (0.0, 0);
         for corner in 0..8_usize {
             let (mut weight, mut at) = (1_i64, 0);
             for axis in (0..3).rev() {
@@ -216,11 +238,67 @@ impl<'a> ResampledVolume<'a> {
                 at = at * SAMPLES + first[axis] + far;
             }
             // A sample without weight need not be a number, nor exist.
-            if weight != 0 {
+            if weight != 0 && !samples[at].is_nan() {
                 sum += weight as f64 * f64::from(samples[at]);
+                known += weight;
             }
         }
-        Ok((sum / (PARTS * PARTS * PARTS) as f64) as f32)
+        let all = PARTS * PARTS * PARTS;
+        match known {
+            0 => Ok(self.beyond),
+            _ if known == all => Ok((sum / all as f64 + self.shift) as f32),
+            _ => Ok(self.among_unknown(sum / known as f64 + self.shift, known as f64 / all as f64)),
+        }
+    }
+
+    /// The value among samples that are not numbers, by the mean of the others and their part of the weight.
+    fn among_unknown(&self, mean: f64, known: f64) -> f32 {
+        let depth = self.depth(mean);
+        if depth < 0.0 {
+            return mean as f32;
+        }
+        let depth = depth.max(self.bound.abs() * 1e-6) * (2.0 * known - 1.0);
+        (if self.rises { self.bound + depth } else { self.bound - depth }) as f32
+    }
+}
+
+/// Facts about samples.
+struct Found {
+    /// The lowest and the highest finite one.
+    ends: [f32; 2],
+    /// True if there are no more than two finite ones.
+    is_two_valued: bool,
+    has_nan: bool,
+    /// The first two of different value.
+    values: [Option<f32>; 2],
+}
+
+impl Found {
+    fn new() -> Self {
+        Self {
+            ends: [f32::INFINITY, f32::NEG_INFINITY],
+            is_two_valued: true,
+            has_nan: false,
+            values: [None; 2],
+        }
+    }
+
+    fn add(&mut self, samples: &[f32]) {
+        let [low, high] = &mut self.ends;
+        for v in samples.iter().filter(|v| v.is_finite()) {
+            (*low, *high) = (low.min(*v), high.max(*v));
+        }
+        self.has_nan |= samples.iter().any(|v| v.is_nan());
+        if !self.is_two_valued {
+            return;
+        }
+        for v in samples.iter().filter(|v| v.is_finite()) {
+            let known = self.values.iter_mut().find(|known| known.is_none_or(|known| known == *v));
+            match known {
+                Some(known) => *known = Some(*v),
+                None => self.is_two_valued = false,
+            }
+        }
     }
 }
 

@@ -485,4 +485,12 @@ impl SolidWorker for CsgWorker<'_> {
     fn items(&self, _: Channel) -> &[u8] {
         self.description.codes()
     }
+
+    fn found(&self) -> ScanSummary {
+        let samplers = self.samplers.iter().map(|sampler| sampler.worker.found());
+        ScanSummary {
+            extent: ScanSummary::default().extent,
+            ..samplers.fold(ScanSummary::default(), ScanSummary::join)
+        }
+    }
 }

@@ -433,8 +433,9 @@ impl BuildJob<'_> {
     }
 
     fn solid(&self, subject: &Subject) -> Result<Built, Error> {
-        let (report, warnings) =
+        let (report, mut warnings) =
             self.with_solid(subject, &mut |made, options| made.build(options, self.output, self.progress))?;
+        warnings.extend(report.notes.iter().map(|note| note.to_string()));
         Ok(Built { report, cleaned: None, warnings, hints: Vec::new() })
     }
 
@@ -505,8 +506,9 @@ impl BuildJob<'_> {
         let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };
         let (options, scratch) = (self.options, self.options.scratch_folder(self.output));
         let then = |made: &FileSolid<'_>| then(made, options);
-        let (done, facts) = with_tree(input, &self.grid.tree(), options, scratch, self.progress, then)?;
-        Ok((done, std::iter::once(facts.to_string()).chain(note).collect()))
+        let (done, facts, notes) =
+            with_tree(input, &self.grid.tree(), options, scratch, self.progress, then)?;
+        Ok((done, std::iter::once(facts.to_string()).chain(note).chain(notes).collect()))
     }
 
     /// Opens the volumes that leaves of a tree name, each once, and prepares them.

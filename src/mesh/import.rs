@@ -370,11 +370,14 @@ impl Importer<'_> {
         };
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
         let colored = files.iter().any(|file| file.summary.looks[0]);
-        if self.options.joins() && self.placed.is_none() && colored {
-            let lack =
-                format!("has colours, which larger leaves do not hold; leave out {ERROR} to keep them");
-            notes.push(MeshNote { mesh: self.mesh_name(), lack });
-        }
+        let lack = if self.placed.is_some() {
+            Some("has colours, which the model of a tree does not keep".to_owned())
+        } else if self.options.joins() {
+            Some(format!("has colours, which larger leaves do not hold; leave out {ERROR} to keep them"))
+        } else {
+            None
+        };
+        notes.extend(lack.filter(|_| colored).map(|lack| MeshNote { mesh: self.mesh_name(), lack }));
         notes
     }
 
@@ -421,7 +424,7 @@ impl Importer<'_> {
         })
     }
 
-    fn mesh_name(&self) -> String {
+    pub(super) fn mesh_name(&self) -> String {
         if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() }
     }
 

@@ -167,8 +167,8 @@ pub fn with_mesh<T>(
     Ok((done, facts, notes))
 }
 
-/// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low corner
-/// of the first. The memory is shared by `parts` parts.
+/// A mesh as a part of something else, with notes on it: `placed` leads from the units of the file to voxels, counted
+/// from the low corner of the first. The memory is shared by `parts` parts.
 ///
 /// # Errors
 /// The errors of [`with_mesh`].
@@ -179,14 +179,18 @@ pub(crate) fn mesh_part(
     options: &BuildOptions,
     scratch: &Path,
     progress: &dyn Progress,
-) -> Result<(MeshSolid, MeshFacts), BuildError> {
+) -> Result<(MeshSolid, Vec<MeshNote>), BuildError> {
     let mesh = part_options(dims);
     let (inputs, scratch) = ([path.to_path_buf()], scratch.to_path_buf());
     let (placed, reach) = (Some(placed), Arc::default());
     let front = Importer { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach };
-    let (mut solid, facts, _) = front.solid()?;
+    let (mut solid, facts, mut notes) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
-    Ok((solid, facts))
+    if let Boundary::Open { edges, loops } = facts.boundary {
+        let lack = format!("is open: {edges} edges in {loops} loops were closed by caps");
+        notes.push(MeshNote { mesh: front.mesh_name(), lack });
+    }
+    Ok((solid, notes))
 }
 
 fn part_options(dims: Dims) -> MeshOptions {

@@ -403,8 +403,8 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
         Ok(())
     }
 
-    /// Offers crossings by linear interpolation along edges; their normals are the smooth gradient there, turned to the
-    /// side that the crossing faces.
+    /// Offers crossings by linear interpolation along edges, midway in a mask; their normals are the smooth gradient
+    /// there, turned to the side that the crossing faces.
     fn crossings(
         &mut self,
         skin: &SkinSlice<'_>,
@@ -413,6 +413,7 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
         for cell in skin.voxels() {
             let field = self.field_of(cell);
             let depth = field.corners();
+            let is_mask = self.is_label || field.has_two_values();
             let jet = field.jet();
             for (p, q) in EDGES {
                 let (inside, beyond) = (field.is_corner_inside(p), field.is_corner_inside(q));
@@ -420,7 +421,7 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
                     continue;
                 }
                 let (d, e) = (signed_depth(depth[p], inside), signed_depth(depth[q], beyond));
-                let along = f64::from(d) / (f64::from(d) - f64::from(e));
+                let along = if is_mask { 0.5 } else { f64::from(d) / (f64::from(d) - f64::from(e)) };
                 let axis = (p ^ q).trailing_zeros() as usize;
                 let corner = |c: usize, k: usize| (c >> k & 1) as f32 - 0.5;
                 let at = [0, 1, 2].map(|k| corner(p, k) + if k == axis { along as f32 } else { 0.0 });

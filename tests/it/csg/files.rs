@@ -2,6 +2,7 @@
 
 use crate::prelude::*;
 use infobyte::jobs::build::{BuildJob, BuildSummary, GridOptions, convert as convert_inputs};
+use infobyte::jobs::measure::measure;
 use infobyte::source::SubjectKind;
 
 use super::{GRID, STEPS, dot, exact, options, skin, skin_of};
@@ -20,6 +21,10 @@ fn put_volume(folder: &Path, dims: [u32; 3], spacing: [f64; 3]) -> impl Fn([u32;
     let text = format!("{{\"dims\": {dims:?}, \"dtype\": \"u8\", \"spacing_mm\": {spacing:?}}}");
     std::fs::write(folder.join("ct.json"), text).unwrap();
     value
+}
+
+fn bytes_of(samples: &[f32]) -> Vec<u8> {
+    samples.iter().flat_map(|sample| sample.to_le_bytes()).collect()
 }
 
 /// A box as an STL file, corners in mm.
@@ -142,6 +147,78 @@ fn a_radius_next_to_a_diameter_is_noted() {
         let ((found, told), (due, silent)) = (made(text), made(same));
         assert!(found == due && told.contains(note), "{text}: {told}");
         assert!(!silent.contains("both"), "{silent}");
+    }
+}
+
+#[test]
+fn notes_on_the_files_of_a_tree_name_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let _ = put_volume(folder, [20, 20, 20], [1.0; 3]);
+    let head = format!("{:117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (10, 10, 10)}");
+    let npy =
+        [b"\x93NUMPY\x01\0\x76\0", head.as_bytes(), &bytes_of(&[f32::NAN, 500.0, 500.0, 0.0].repeat(250))];
+    std::fs::write(folder.join("nan.npy"), npy.concat()).unwrap();
+    let corners = "v 0 0 0 1 0 0\nv 9 0 0 1 0 0\nv 0 9 0 1 0 0\nv 0 0 9 1 0 0\n";
+    std::fs::write(folder.join("open.obj"), corners.to_owned() + "f 1 3 2\nf 1 2 4\nf 1 4 3\n").unwrap();
+    let told = |text: &str| {
+        let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
+        std::fs::write(&tree, text).unwrap();
+        let how = CsgOptions { grid: Some(GridChoice::Side { voxels: 16, margin: 1 }), unit_mm: 1.0 };
+        let how = if text.starts_with("volume") { OWN } else { how };
+        built(tree, &how, &options(16, 1), &output).unwrap().warnings
+    };
+    for (text, due) in [
+        ("mesh(\"open.obj\");", "open.obj is open: 3 edges in 1 loops were closed by caps"),
+        ("mesh(\"open.obj\");", "open.obj has colours, which the model of a tree does not keep"),
+        ("volume(\"nan.npy\", iso = 400);", "nan.npy: an .npy file states no spacing; 1 mm is assumed"),
+        ("volume(\"nan.npy\", iso = 400);", "some samples are not numbers (NaN); these voxels are outside"),
+        (
+            "translate([0.5, 0, 0]) volume(\"nan.npy\", iso = 400);",
+            "nan.npy: some samples are not numbers (NaN); these voxels are outside",
+        ),
+    ] {
+        let twice = format!("{text} translate([1, 0, 0]) mesh(\"open.obj\");");
+        for text in [text.to_owned(), twice] {
+            let told = told(&text);
+            assert!(told.iter().filter(|note| *note == due).count() == 1, "{text}: {told:?}");
+        }
+    }
+    assert_eq!(told("cube(9);").len(), 1);
+}
+
+#[test]
+fn a_mask_has_its_surface_midway_whatever_lies_outside_and_whatever_its_numbers_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let inside = |at: usize| {
+        let [x, y, z] = [at % 20, at / 20 % 20, at / 400].map(|c| c as f64 - 9.6);
+        x * x + y * y + z * z < 49.0
+    };
+    let volume = |values: [f32; 2], iso: f64, place: &str| {
+        let samples: Vec<f32> = (0..8000).map(|at| values[usize::from(inside(at))]).collect();
+        std::fs::write(folder.join("m.raw"), bytes_of(&samples)).unwrap();
+        let text = "{\"dims\": [20, 20, 20], \"dtype\": \"f32\", \"spacing_mm\": [1, 1, 1]}";
+        std::fs::write(folder.join("m.json"), text).unwrap();
+        let options = BuildOptions { surface: Some(SurfaceKind::Cells), ..options(16, 1) };
+        let grid =
+            GridChoice::Exact { edge_mm: 1.0, origin_mm: [-1.0; 3], dims: Dims::new(26, 22, 22).unwrap() };
+        let how = if place.is_empty() { OWN } else { CsgOptions { grid: Some(grid), unit_mm: 1.0 } };
+        let file =
+            convert(folder, &format!("{place} volume(\"m.raw\", iso = {iso});"), &how, &options).unwrap();
+        let model = Model::open(file).unwrap();
+        measure(&model.view(), model.dims(), &model.affine(), false).unwrap().volume_mm3.unwrap().0
+    };
+    let count = (0..8000).filter(|at| inside(*at)).count() as f64;
+    for place in ["", "translate([3.3, 0, 0])"] {
+        let due = volume([0.0, 1.0], 0.5, place);
+        assert!((due / count - 1.0).abs() < 0.02, "{place} {due} {count}");
+        for (values, iso) in
+            [([0.0, 1.0], 1.0), ([0.0, 255.0], 128.0), ([f32::NAN, 7.0], 7.0), ([-9.0, 3.0], 3.0)]
+        {
+            let found = volume(values, iso, place);
+            assert!((found / due - 1.0).abs() < 1e-4, "{place} {values:?} {iso}: {found} {due}");
+        }
     }
 }
 
