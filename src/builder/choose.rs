@@ -1,6 +1,7 @@
 //! The choice of the inside: a selection as given, or by Otsu's method from a streamed histogram.
 
 use super::error::{BuildError, Criterion};
+use super::extremes::Extremes;
 use super::histogram::{Bins, Kind, Split, Tally};
 use super::parallel::Share;
 use super::range::highest_below;
@@ -151,11 +152,15 @@ impl Chooser<'_> {
         // not one of them.
         let below = || by_type!(scalar, T => highest_below::<T>(split.at));
         let lowest = if rescale.slope > 0.0 { split.at } else { below() };
-        let selected = |kind, lo| Selection { kind, lo, hi: f64::INFINITY };
+        // Padding is outside, even above all values.
+        let outer = split.within[usize::from(rescale.slope > 0.0)];
+        let hi = if outer.is_finite() { rescale.apply(outer) } else { f64::INFINITY };
+        let selected = |kind, lo| Selection { kind, lo, hi };
         let by_otsu = selected(SelectionKind::Otsu, rescale.apply(lowest));
         match split.kind {
             Kind::Labels { count, first } if is_unscaled(rescale) => {
-                (selected(SelectionKind::Iso, first), Some(BuildNote::Labels { count }))
+                let kind = if hi.is_finite() { SelectionKind::Range } else { SelectionKind::Iso };
+                (selected(kind, first), Some(BuildNote::Labels { count }))
             }
             Kind::Greys { count } if is_unscaled(rescale) => (by_otsu, Some(BuildNote::Greys { count })),
             Kind::Padded { value } => (by_otsu, Some(BuildNote::Padding { value: rescale.apply(value) })),
@@ -167,7 +172,7 @@ impl Chooser<'_> {
     ///
     /// # Errors
     /// The volume cannot be read, or the memory is too small.
-    pub(crate) fn extremes_of(&self, share: Share) -> Result<Option<(f64, f64)>, BuildError> {
+    pub(crate) fn extremes_of(&self, share: Share) -> Result<Extremes, BuildError> {
         let (threads, _memory) = self.reserve_histogram()?;
         let Self { source, progress, .. } = *self;
         histogram::extremes(source, share, threads, progress)
@@ -177,10 +182,10 @@ impl Chooser<'_> {
     ///
     /// # Errors
     /// The errors of [`Self::extremes_of`].
-    pub(crate) fn tally_of(&self, share: Share, extremes: Option<(f64, f64)>) -> Result<Tally, BuildError> {
+    pub(crate) fn tally_of(&self, share: Share, extremes: &Extremes) -> Result<Tally, BuildError> {
         let (threads, _memory) = self.reserve_histogram()?;
         let Self { source, progress, .. } = *self;
-        let bins = Bins::new(source.info().scalar, extremes);
+        let bins = Bins::new(source.info(), extremes);
         Tally::take(source, share, bins, threads, progress)
     }
 
@@ -191,13 +196,13 @@ impl Chooser<'_> {
     pub(crate) fn choose_by(
         &self,
         tally: Tally,
-        extremes: Option<(f64, f64)>,
+        extremes: &Extremes,
     ) -> Result<(Selection, Option<BuildNote>), BuildError> {
         if let Some(half) = self.of_mask() {
             return Ok(half);
         }
-        let bins = Bins::new(self.source.info().scalar, extremes);
-        let seen = extremes.or_else(|| tally.ends(bins));
+        let bins = Bins::new(self.source.info(), extremes);
+        let seen = extremes.whole().or_else(|| tally.ends(bins));
         let Some(split) = tally.split(bins, self.source) else {
             let (threads, _memory) = self.reserve_histogram()?;
             return self.of_number_in_nan(threads)?.ok_or_else(|| self.nothing(Criterion::Split, seen));
@@ -246,7 +251,7 @@ impl Chooser<'_> {
         let seen = self.reserve_histogram().and_then(|(threads, _memory)| {
             histogram::extremes(self.source, Share::ALL, threads, self.progress)
         });
-        seen.map_or_else(|error| error, |seen| self.nothing(sought, seen))
+        seen.map_or_else(|error| error, |seen| self.nothing(sought, seen.whole()))
     }
 
     fn nothing(&self, sought: Criterion, seen: Option<(f64, f64)>) -> BuildError {

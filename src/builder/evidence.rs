@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::extremes::Core;
 use super::range::Ordered;
 use crate::geom::Dims;
-use crate::volume::{ScalarType, VolumeSource};
+use crate::volume::{ScalarType, Treatment, VolumeSource};
 
 /// A value at an end of the range, and its number of samples.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct End {
     pub(super) value: f64,
     pub(super) count: u64,
@@ -32,6 +33,8 @@ pub(super) struct Evidence {
     /// Set while the samples may still be labels, and while they may still hold padding.
     pub(super) may_be_map: bool,
     pub(super) may_be_padded: bool,
+    /// True if samples were taken for 0, as they are outside whatever they are.
+    pub(super) has_blanks: bool,
     /// Parts with counted neighbours.
     pub(super) parts: u64,
     /// Samples outside the ellipse inscribed in a slice: in the whole volume, and seen so far, with the ends of their
@@ -62,7 +65,7 @@ pub(super) struct Evidence {
 }
 
 /// Words of the evidence in a file, without its pairs.
-pub(super) const EVIDENCE_WORDS: usize = 15;
+pub(super) const EVIDENCE_WORDS: usize = 16;
 
 /// Two values that are neighbours in a row, the lower one first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,9 +114,11 @@ pub(super) const MAX_LABELS: usize = 1024;
 /// sequence.
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
-/// Least flat share of maps of small islands in 0, and greatest share of their differences between other values.
+/// Least flat share of maps of small islands in 0, and greatest share of their differences between other values; and
+/// the greatest ratio of these to jumps where the latter are few, as those of a core within a thin shell.
 const ISLAND_FLAT: f64 = 0.25;
 const TOUCHING: f64 = 0.05;
+const APART_TOUCHING: f64 = 0.1;
 /// Least flat share of maps whose labels are nested in any order, and least share of the differences that skip
 /// intermediate values with more than a sample on either side: a picture's edges pass through these greys.
 const NESTED_FLAT: f64 = 0.5;
@@ -162,7 +167,9 @@ fn is_even(values: &[u64]) -> bool {
 /// and partial volumes are not labels.
 pub(super) fn may_be_map(source: &dyn VolumeSource) -> bool {
     let is_fractional = source.info().description.kind.is_fractional();
-    !is_fractional && source.modality().is_none_or(|modality| modality == "SEG")
+    let is_averaged = |treatment: &Treatment| matches!(treatment, Treatment::Downsample(_));
+    let is_mixed = is_fractional || source.info().description.treatments.iter().any(is_averaged);
+    !is_mixed && source.modality().is_none_or(|modality| modality == "SEG")
 }
 
 /// True if all samples are whole numbers of at least 0.
@@ -215,6 +222,7 @@ impl Evidence {
     pub(super) fn join(&mut self, other: &Self) {
         self.may_be_map &= other.may_be_map;
         self.may_be_padded &= other.may_be_padded;
+        self.has_blanks |= other.has_blanks;
         self.outside += other.outside;
         self.least.add(other.least, other.least.value < self.least.value);
         self.most.add(other.most, other.most.value > self.most.value);
@@ -254,7 +262,7 @@ impl Evidence {
         let [least_count, most_count, nearest_count] = [least, most, nearest].map(|end| end.count);
         let [least, most, nearest] = [least, most, nearest].map(|end| end.value.to_bits());
         let ends = [least, least_count, most, most_count, nearest, nearest_count];
-        let may_be = [u64::from(self.may_be_map), u64::from(self.may_be_padded)];
+        let may_be = [self.may_be_map, self.may_be_padded, self.has_blanks].map(u64::from);
         let counts = [self.outside, self.first.to_bits(), self.alike, self.differ, self.jumps];
         let counts = counts.into_iter().chain([self.rim, self.rim_zeros]);
         let mut words = [0; EVIDENCE_WORDS];
@@ -263,13 +271,14 @@ impl Evidence {
     }
 
     pub(super) fn parse(words: &[u64; EVIDENCE_WORDS]) -> Self {
-        let [map, padded, rest @ ..] = *words;
+        let [map, padded, blanks, rest @ ..] = *words;
         let [least, least_count, most, most_count, nearest, nearest_count, counts @ ..] = rest;
         let [outside, first, alike, differ, jumps, rim, rim_zeros] = counts;
         let end = |value, count| End { value: f64::from_bits(value), count };
         Self {
             may_be_map: map != 0,
             may_be_padded: padded != 0,
+            has_blanks: blanks != 0,
             outside,
             least: end(least, least_count),
             most: end(most, most_count),
@@ -281,6 +290,21 @@ impl Evidence {
             rim,
             rim_zeros,
             ..Self::new(true, 0)
+        }
+    }
+
+    /// Puts 0 in place of samples that are outside whatever they are: NaN, -inf, and what lies beyond the core.
+    pub(super) fn blank<T: Ordered>(&mut self, samples: &mut [T], core: Option<Core>) {
+        if !self.may_be_map || T::NO_NUMBER.is_none() && core.is_none() {
+            return;
+        }
+        let [low, high] = core.map_or([f64::NEG_INFINITY, f64::INFINITY], |core| [core.low, core.high]);
+        for sample in samples {
+            let v = sample.to_f64();
+            if !(v >= low && v <= high) || v == f64::NEG_INFINITY {
+                *sample = T::zeroed();
+                self.has_blanks = true;
+            }
         }
     }
 
@@ -415,9 +439,12 @@ impl Evidence {
         let flat = part(self.alike, self.alike + self.differ);
         let all = self.pairs.iter().map(|pair| pair.count).sum();
         let is_rough = self.spikes() > SPIKES && flat < ROUGH_FLAT;
-        let jump = part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+        // Differences of labels other than the one nearest to 0, and differences among labels.
+        let (far, touching) = (self.jumps - self.nearest.count, self.differ - self.jumps);
+        let jump = part(far, self.differ) >= JUMPS;
+        let are_apart = far > 0 && part(touching, far) <= APART_TOUCHING;
         let are_islands =
-            flat >= ISLAND_FLAT && jump && part(self.differ - self.jumps, self.differ) <= TOUCHING;
+            flat >= ISLAND_FLAT && (jump || are_apart) && part(touching, self.differ) <= TOUCHING;
         let is_map = are_islands || !is_rough && (flat >= FLAT && jump || self.are_nested(flat, all));
         let levels = if self.is_ramp(all) { Levels::Greys(values) } else { Levels::Labels(values - 1) };
         is_map.then_some(levels)

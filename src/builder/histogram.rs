@@ -12,6 +12,7 @@ use super::evidence::{
     EVIDENCE_WORDS, Evidence, Levels, MAX_LABELS, MAX_PAIRS, Pair, SampleSpan, below_air, may_be_map,
     outside_samples, part,
 };
+use super::extremes::{Core, Extremes};
 use super::parallel::{Blocks, Share, run_workers};
 use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
@@ -34,39 +35,29 @@ pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 // The smallest plan also suffices for a threshold that is still to be found.
 const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
 
-/// Smallest and largest finite sample of a share of the volume; `None` without finite samples.
+/// The outermost finite samples of a share of the volume.
 pub(super) fn extremes(
     source: &dyn VolumeSource,
     share: Share,
     threads: usize,
     progress: &dyn Progress,
-) -> Result<Option<(f64, f64)>, BuildError> {
-    let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
-    let widen = by_type!(source.info().scalar, T => widen::<T> as fn(&mut (f64, f64), &[u8]));
+) -> Result<Extremes, BuildError> {
+    let total = Mutex::new(Extremes::default());
+    let add = by_type!(source.info().scalar, T => add::<T> as fn(&mut Extremes, &[u8]));
     for_each_part(
         source,
         share,
         (threads, EXTREMES_READ_BYTES),
         progress,
-        &|| (f64::INFINITY, f64::NEG_INFINITY),
-        &|seen, _, samples| widen(seen, samples),
-        &|seen| {
-            let mut t = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            *t = (t.0.min(seen.0), t.1.max(seen.1));
-        },
+        &Extremes::default,
+        &|seen, _, samples| add(seen, samples),
+        &|seen| total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&seen),
     )?;
-    let (min, max) = total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    Ok((min <= max).then_some((min, max)))
+    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
 }
 
-/// Widens extremes by the finite samples.
-fn widen<T: Ordered>(seen: &mut (f64, f64), samples: &[u8]) {
-    for sample in bytemuck::cast_slice::<u8, T>(samples) {
-        let v = sample.to_f64();
-        if v.is_finite() {
-            *seen = (seen.0.min(v), seen.1.max(v));
-        }
-    }
+fn add<T: Ordered>(seen: &mut Extremes, samples: &[u8]) {
+    seen.add::<T>(bytemuck::cast_slice(samples));
 }
 
 /// The only number of a volume whose other samples are NaN, unless it is 0: a mask.
@@ -77,7 +68,7 @@ pub(super) fn number_in_nan(
 ) -> Result<Option<f64>, BuildError> {
     let scalar = source.info().scalar;
     let may_be_nan = matches!(scalar, ScalarType::F32 | ScalarType::F64);
-    let seen = if may_be_nan { extremes(source, Share::ALL, threads, progress)? } else { None };
+    let seen = if may_be_nan { extremes(source, Share::ALL, threads, progress)?.whole() } else { None };
     let Some((number, _)) = seen.filter(|(least, most)| least == most && *least != 0.0) else {
         return Ok(None);
     };
@@ -110,6 +101,8 @@ pub(super) struct Split {
     pub(super) at: f64,
     /// Kind of the volume's values.
     pub(super) kind: Kind,
+    /// The range of samples that are not padding; infinite at an end without padding.
+    pub(super) within: [f64; 2],
 }
 
 /// Kind of a volume's values.
@@ -144,8 +137,8 @@ pub(super) fn needs_extremes(scalar: ScalarType) -> bool {
 /// Position of the bins of a histogram, in samples.
 #[derive(Clone, Copy)]
 pub(super) enum Bins {
-    /// Bins from `low` on, each `width` wide.
-    From { low: f64, width: f64 },
+    /// Bins from `low` on, each `width` wide; around a core, the first bin and the last hold what lies beyond it.
+    From { low: f64, width: f64, core: Option<Core> },
     /// Values so close that no bin can tell them apart: the largest is the upper class.
     TooClose { max: f64 },
     /// All values are equal, or all are NaN.
@@ -153,16 +146,20 @@ pub(super) enum Bins {
 }
 
 impl Bins {
-    /// The bins for samples of a type; wide types need their extremes.
-    pub(super) fn new(scalar: ScalarType, extremes: Option<(f64, f64)>) -> Self {
-        let exact = |low: f64| Self::From { low, width: 1.0 };
-        match (scalar, extremes) {
+    /// The bins for samples of a volume; those of wide types need their extremes.
+    pub(super) fn new(info: &VolumeInfo, extremes: &Extremes) -> Self {
+        let exact = |low: f64| Self::From { low, width: 1.0, core: None };
+        match (info.scalar, extremes.whole()) {
             (ScalarType::U8 | ScalarType::U16, _) => exact(0.0),
             (ScalarType::I8, _) => exact(-128.0),
             (ScalarType::I16, _) => exact(-32768.0),
             (_, Some((min, max))) if max > min => {
-                let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
-                if width.is_normal() { Self::From { low: min, width } } else { Self::TooClose { max } }
+                let core = extremes.core(info.dims.voxels());
+                let (min, max, inner) =
+                    core.map_or((min, max, BINS - 1), |core| (core.low, core.high, BINS - 3));
+                let width = max / inner as f64 - min / inner as f64;
+                let low = if core.is_some() { min - 1.5 * width } else { min };
+                if width.is_normal() { Self::From { low, width, core } } else { Self::TooClose { max } }
             }
             _ => Self::Alike,
         }
@@ -172,19 +169,18 @@ impl Bins {
 /// Otsu's threshold and the kind of the volume; `None` when all values are equal or NaN.
 ///
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
-/// then 65,536 bins between them. Source: Otsu 1979, *A threshold selection method from gray-level
-/// histograms*.
+/// then 65,536 bins between them, a fill value and hot samples left out. Source: Otsu 1979, *A threshold selection
+/// method from gray-level histograms*.
 pub(super) fn otsu(
     source: &dyn VolumeSource,
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Option<Split>, BuildError> {
-    let scalar = source.info().scalar;
-    let seen = match needs_extremes(scalar) {
+    let seen = match needs_extremes(source.info().scalar) {
         true => extremes(source, Share::ALL, threads, progress)?,
-        false => None,
+        false => Extremes::default(),
     };
-    let bins = Bins::new(scalar, seen);
+    let bins = Bins::new(source.info(), &seen);
     Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins, source))
 }
 
@@ -199,7 +195,7 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
     if !may_be_map(source) {
         return Ok(false);
     }
-    let edges = by_type!(scalar, T => add_looked::<T> as fn(&mut Evidence, Dims, &SampleSpan, &[u8]));
+    let edges = by_type!(scalar, T => add_looked::<T> as fn(&mut Evidence, Dims, &SampleSpan, &mut [u8]));
     let evidence = Mutex::new(Evidence::new(true, 0));
     let look = |z: u32| {
         let blocks = Blocks::new(dims, EXTREMES_READ_BYTES / scalar.bytes()).of_slices(z..z + 1);
@@ -232,8 +228,9 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
 }
 
 /// Adds samples to the evidence for a map of labels.
-fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &SampleSpan, samples: &[u8]) {
-    let samples: &[T] = bytemuck::cast_slice(samples);
+fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &SampleSpan, samples: &mut [u8]) {
+    let samples: &mut [T] = bytemuck::cast_slice_mut(samples);
+    evidence.blank(samples, None);
     evidence.add_edges(part, samples, &[]);
     evidence.add_rows(dims, part, samples);
 }
@@ -254,7 +251,7 @@ impl Tally {
         threads: usize,
         progress: &dyn Progress,
     ) -> Result<Self, BuildError> {
-        let Bins::From { low, width } = bins else { return Ok(Self::default()) };
+        let Bins::From { low, width, core } = bins else { return Ok(Self::default()) };
         let counts: Vec<AtomicU64> = (0..BINS).map(|_| AtomicU64::new(0)).collect();
         let spill = |local: &mut [u32]| {
             for (sum, n) in counts.iter().zip(local).filter(|(_, n)| **n > 0) {
@@ -262,7 +259,7 @@ impl Tally {
             }
         };
         let VolumeInfo { dims, scalar, .. } = *source.info();
-        let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &SampleSpan, &[u8]));
+        let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &SampleSpan, &mut [u8]));
         let start = Evidence::new(may_be_map(source), outside_samples(dims));
         let evidence = Mutex::new(start.clone());
         for_each_part(
@@ -270,7 +267,7 @@ impl Tally {
             share,
             (threads, READ_BYTES),
             progress,
-            &|| Counter { counts: vec![0; BINS], low, width, dims, evidence: start.clone(), seen: 0 },
+            &|| Counter { counts: vec![0; BINS], low, width, core, dims, evidence: start.clone(), seen: 0 },
             &|counter, part, samples| {
                 counter.seen += (samples.len() / scalar.bytes()) as u64;
                 if counter.seen > u64::from(u32::MAX) {
@@ -298,7 +295,7 @@ impl Tally {
 
     /// The least and the greatest counted value.
     pub(super) fn ends(&self, bins: Bins) -> Option<(f64, f64)> {
-        let Bins::From { low, width } = bins else { return None };
+        let Bins::From { low, width, .. } = bins else { return None };
         let at = |bin: usize| low + bin as f64 * width;
         let is_there = |n: &u64| *n > 0;
         Some((at(self.counts.iter().position(is_there)?), at(self.counts.iter().rposition(is_there)?)))
@@ -306,30 +303,55 @@ impl Tally {
 
     /// Otsu's threshold by these counts in these bins.
     pub(super) fn split(mut self, bins: Bins, source: &dyn VolumeSource) -> Option<Split> {
-        let (low, width) = match bins {
-            Bins::From { low, width } => (low, width),
-            Bins::TooClose { max } => return Some(Split { at: max, kind: Kind::Values }),
+        let (low, width, core) = match bins {
+            Bins::From { low, width, core } => (low, width, core),
+            Bins::TooClose { max } => {
+                let within = [f64::NEG_INFINITY, f64::INFINITY];
+                return Some(Split { at: max, kind: Kind::Values, within });
+            }
             Bins::Alike => return None,
         };
+        if core.is_some() {
+            self.counts[0] = 0;
+            self.counts[BINS - 1] = 0;
+        }
         let value = |bin: usize| low + bin as f64 * width;
-        let mut kind = Kind::Values;
-        let values = self.counts.iter().filter(|n| **n > 0).count();
+        let (mut kind, mut within) = (Kind::Values, [f64::NEG_INFINITY, f64::INFINITY]);
+        let values = self.values(low, width);
+        let fill = core.and_then(|core| core.fill);
+        let hu = |bin: usize| source.info().rescale.apply(value(bin));
+        let padding =
+            || self.evidence.padding(&self.counts, &value).or_else(|| below_air(&self.counts, &hu, source));
+        if let (Some(fill), Some(core)) = (fill, core) {
+            within = if fill < core.low { [core.low, within[1]] } else { [within[0], core.high] };
+        }
         if let Some(levels) = self.evidence.labels(values) {
             kind = match levels {
                 Levels::Labels(count) => Kind::Labels { count, first: self.evidence.first },
                 Levels::Greys(count) => Kind::Greys { count },
             };
-        } else if let Some(bin) = self
-            .evidence
-            .padding(&self.counts, &value)
-            .or_else(|| below_air(&self.counts, &|bin| source.info().rescale.apply(value(bin)), source))
-        {
+        } else if let Some(value) = fill {
+            kind = Kind::Padded { value };
+        } else if let Some(bin) = padding() {
             kind = Kind::Padded { value: value(bin) };
             self.counts[bin] = 0;
+            match self.counts[bin..].iter().all(|n| *n == 0) {
+                true => within[1] = value(bin - 1),
+                false => within[0] = value(bin + 1),
+            }
         } else if may_be_map(source) && self.evidence.may_be_labels(values) {
             kind = Kind::Greys { count: values };
         }
-        best_split(&self.counts).map(|bin| Split { at: value(bin), kind })
+        best_split(&self.counts).map(|bin| Split { at: value(bin), kind, within })
+    }
+
+    /// Number of different values; samples that are outside whatever they are count as 0.
+    fn values(&self, low: f64, width: f64) -> usize {
+        let at_zero = (0.0 - low) / width;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+        let has_zero = at_zero >= 0.0 && self.counts.get(at_zero as usize).is_some_and(|n| *n > 0);
+        let counted = self.counts.iter().filter(|n| **n > 0).count();
+        counted + usize::from(self.evidence.has_blanks && !has_zero)
     }
 
     /// Words for a file: the evidence, then bin and count of every bin that is not empty.
@@ -375,6 +397,7 @@ struct Counter {
     counts: Vec<u32>,
     low: f64,
     width: f64,
+    core: Option<Core>,
     dims: Dims,
     evidence: Evidence,
     /// Samples counted since the counts were last added to the sum.
@@ -382,15 +405,13 @@ struct Counter {
 }
 
 /// Counts the samples of a part.
-fn count<T: Ordered>(counter: &mut Counter, part: &SampleSpan, samples: &[u8]) {
-    let samples: &[T] = bytemuck::cast_slice(samples);
-    let Counter { counts, low, width, dims, evidence, .. } = counter;
-    evidence.add_edges(part, samples, counts);
-    evidence.add_rows(*dims, part, samples);
+fn count<T: Ordered>(counter: &mut Counter, part: &SampleSpan, samples: &mut [u8]) {
+    let samples: &mut [T] = bytemuck::cast_slice_mut(samples);
+    let Counter { counts, low, width, core, dims, evidence, .. } = counter;
     evidence.add_outside(*dims, part, samples);
     let (low, width) = (*low, *width);
     let counts: &mut [u32] = counts;
-    for sample in samples {
+    for sample in &*samples {
         let v = sample.to_f64();
         if v.is_finite() {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped below")]
@@ -398,6 +419,9 @@ fn count<T: Ordered>(counter: &mut Counter, part: &SampleSpan, samples: &[u8]) {
             counts[bin.min(BINS - 1)] += 1;
         }
     }
+    evidence.blank(samples, *core);
+    evidence.add_edges(part, samples, counts);
+    evidence.add_rows(*dims, part, samples);
 }
 
 /// First bin of the upper class; the middle of the gap where several splits are equally good.
@@ -431,7 +455,7 @@ fn for_each_part<L>(
     (threads, read_bytes): (usize, usize),
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &SampleSpan, &[u8]) + Sync),
+    work: &(dyn Fn(&mut L, &SampleSpan, &mut [u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let VolumeInfo { dims, scalar, .. } = *source.info();
@@ -446,7 +470,7 @@ fn for_each_block<L>(
     threads: usize,
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &SampleSpan, &[u8]) + Sync),
+    work: &(dyn Fn(&mut L, &SampleSpan, &mut [u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let sample_bytes = source.info().scalar.bytes();

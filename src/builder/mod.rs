@@ -69,6 +69,7 @@ mod column;
 mod error;
 mod estimator;
 mod evidence;
+mod extremes;
 mod file_solid;
 mod gradient;
 mod histogram;
@@ -104,6 +105,7 @@ pub(crate) use choose::{Chooser, choose_noted, is_map, label_count};
 pub use error::BuildError;
 pub(crate) use error::BuildFault;
 pub use estimator::Gradient;
+pub(crate) use extremes::Extremes;
 #[doc(hidden)]
 pub use file_solid::FileSolid;
 pub use item::ItemForm;

@@ -20,6 +20,7 @@ use super::read::at;
 use crate::atomic::AtomicFile;
 use crate::builder::choose::Chooser;
 use crate::builder::error::{BuildError, BuildFault};
+use crate::builder::extremes::Extremes;
 use crate::builder::histogram::{BINS, Tally, needs_extremes};
 use crate::builder::parallel::Share;
 use crate::builder::report::BuildNote;
@@ -33,6 +34,9 @@ const WHOLE: u32 = u32::MAX;
 pub(super) const HEAD_BYTES: usize = 8 + 32 + 4 + 4 + 4;
 /// Length limit of a file.
 const MAX_BYTES: u64 = (HEAD_BYTES + 8 * (64 + 2 * BINS) + 4) as u64;
+
+/// Kinds of selections, by their numbers in a file.
+const KINDS: [SelectionKind; 3] = [SelectionKind::Iso, SelectionKind::Otsu, SelectionKind::Range];
 
 /// A stage before the parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,8 +93,8 @@ impl FromStr for Stage {
 
 /// Result of a stage, for a share of the volume or for all of it.
 pub(crate) enum Finding {
-    /// The least and the greatest finite sample; `None` without finite samples.
-    Extremes(Option<(f64, f64)>),
+    /// The outermost finite samples.
+    Extremes(Extremes),
     /// Counts.
     Tally(Tally),
     /// The selection of the inside values, by the counts of the whole.
@@ -100,8 +104,7 @@ pub(crate) enum Finding {
 impl Finding {
     fn words(&self) -> Box<dyn Iterator<Item = u64> + '_> {
         match self {
-            Self::Extremes(None) => Box::new(std::iter::empty()),
-            Self::Extremes(Some((min, max))) => Box::new([min.to_bits(), max.to_bits()].into_iter()),
+            Self::Extremes(extremes) => Box::new(extremes.words()),
             Self::Tally(tally) => Box::new(tally.words()),
             Self::Chosen(Selection { kind, lo, hi }, note) => {
                 let (what, of) = match note {
@@ -110,8 +113,8 @@ impl Finding {
                     Some(BuildNote::Greys { count }) => (3, *count as u64),
                     _ => (0, 0),
                 };
-                let is_otsu = u64::from(*kind == SelectionKind::Otsu);
-                Box::new([is_otsu, lo.to_bits(), hi.to_bits(), what, of].into_iter())
+                let kind = KINDS.iter().position(|of| of == kind).unwrap_or(0) as u64;
+                Box::new([kind, lo.to_bits(), hi.to_bits(), what, of].into_iter())
             }
         }
     }
@@ -120,14 +123,11 @@ impl Finding {
         if (stage, is_whole) == (Stage::Histogram, false) {
             return Tally::parse(words).map(Self::Tally);
         }
-        let words: Vec<u64> = words.take(6).collect();
+        let words: Vec<u64> = words.take(Extremes::WORDS + 1).collect();
         Some(match (stage, words.as_slice()) {
-            (Stage::Extremes, []) => Self::Extremes(None),
-            (Stage::Extremes, [min, max]) => {
-                Self::Extremes(Some((f64::from_bits(*min), f64::from_bits(*max))))
-            }
-            (Stage::Histogram, [is_otsu, lo, hi, what, of]) => {
-                let kind = if *is_otsu == 1 { SelectionKind::Otsu } else { SelectionKind::Iso };
+            (Stage::Extremes, words) => Self::Extremes(Extremes::parse(words)?),
+            (Stage::Histogram, [kind, lo, hi, what, of]) => {
+                let kind = *KINDS.get(usize::try_from(*kind).ok()?)?;
                 let note = match what {
                     1 => Some(BuildNote::Labels { count: usize::try_from(*of).ok()? }),
                     2 => Some(BuildNote::Padding { value: f64::from_bits(*of) }),
@@ -143,10 +143,7 @@ impl Finding {
     /// Adds the finding of another share; `false` if its kind differs.
     fn join(&mut self, other: Self) -> bool {
         match (self, other) {
-            (Self::Extremes(all), Self::Extremes(own)) => {
-                let both = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.min(c), b.max(d));
-                *all = all.zip(own).map(|(one, other)| both(one, other)).or(*all).or(own);
-            }
+            (Self::Extremes(all), Self::Extremes(own)) => all.join(&own),
             (Self::Tally(all), Self::Tally(own)) => all.join(&own),
             _ => return false,
         }
@@ -162,7 +159,7 @@ pub(crate) fn find(
     chooser: &Chooser<'_>,
     stage: Stage,
     part: &PartId,
-    extremes: Option<(f64, f64)>,
+    extremes: &Extremes,
 ) -> Result<Finding, BuildError> {
     let share = Share { number: part.number, of: part.cuts.parts };
     Ok(match stage {
@@ -182,7 +179,7 @@ pub(crate) fn join(
     stage: Stage,
     part: &PartId,
     folder: &Path,
-    extremes: Option<(f64, f64)>,
+    extremes: &Extremes,
 ) -> Result<Finding, BuildError> {
     let (mut missing, mut first) = (0, Vec::new());
     let mut all: Option<Finding> = None;

@@ -11,7 +11,7 @@ use crate::builder::parts::occupancy::{Occupancy, OccupancyId};
 use crate::builder::parts::stage::{self, Finding, Stage};
 use crate::builder::parts::{PartFault, PartId};
 use crate::builder::{
-    BitVolume, BuildError, BuildFault, BuildOptions, Chooser, Progress, Threshold, choose_noted,
+    BitVolume, BuildError, BuildFault, BuildOptions, Chooser, Extremes, Progress, Threshold, choose_noted,
 };
 use crate::clean::{CleanError, CleanReport};
 use crate::error::Error;
@@ -207,12 +207,7 @@ fn sound(found: Result<Option<Finding>, BuildError>) -> Result<Option<Finding>, 
 
 /// Opens the input of a plan for one of its stages; also returns the extremes of all samples, if an earlier stage finds
 /// them.
-fn open(
-    plan: &Plan,
-    stage: Stage,
-    id: &PartId,
-    input: &PartsInput<'_>,
-) -> Result<(Opened, Option<(f64, f64)>), Error> {
+fn open(plan: &Plan, stage: Stage, id: &PartId, input: &PartsInput<'_>) -> Result<(Opened, Extremes), Error> {
     let opened = plan.open(input)?;
     let of = &opened.stages;
     if !of.contains(&stage) {
@@ -225,7 +220,7 @@ fn open(
     }
     let before = Stage::Extremes;
     let extremes = match stage == Stage::Histogram && of.contains(&before) {
-        false => None,
+        false => Extremes::default(),
         true => match stage::read(before, id, plan.folder(), true)? {
             Some(Finding::Extremes(extremes)) => extremes,
             _ => return Err(refused(plan.folder(), PartFault::StageMissing { stage: before })),
@@ -264,7 +259,7 @@ pub fn part_stage(
     } else if !was_there {
         input.prepare(&mut opened, &path)?;
         if let Some(source) = opened.volume() {
-            let found = stage::find(&input.chooser(source), stage, &id, extremes)?;
+            let found = stage::find(&input.chooser(source), stage, &id, &extremes)?;
             source.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
             stage::write(&found, stage, &id, folder, false)?;
         }
@@ -281,7 +276,7 @@ pub fn merge_stage(plan: &Plan, stage: Stage, input: &PartsInput<'_>) -> Result<
     let started = Instant::now();
     let (id, folder) = (plan.part(0)?, plan.folder());
     let (mut opened, extremes) = open(plan, stage, &id, input)?;
-    let is_one_number = extremes.is_some_and(|(least, most)| least == most);
+    let is_one_number = extremes.whole().is_some_and(|(least, most)| least == most);
     if stage == Stage::Histogram && (is_one_number || input.job.clean.downsample.is_some()) {
         // A number in NaN is a mask, and averages of labels have a threshold of their own: the values tell.
         input.prepare(&mut opened, &stage.whole_path(&id, folder))?;
@@ -295,7 +290,7 @@ pub fn merge_stage(plan: &Plan, stage: Stage, input: &PartsInput<'_>) -> Result<
         let options = BuildOptions { threshold, ..input.options() };
         cleaning = Some(input.join_occupancy(&opened, &whole, &options)?);
     } else {
-        let found = stage::join(&input.chooser(source), stage, &id, folder, extremes)?;
+        let found = stage::join(&input.chooser(source), stage, &id, folder, &extremes)?;
         stage::write(&found, stage, &id, folder, true)?;
         if let Finding::Chosen(selection, of) = found {
             (threshold, note) = (Some(selection.lo), of);
