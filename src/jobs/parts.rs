@@ -220,9 +220,8 @@ pub fn plan(
     };
     let path = out.join("plan.json");
     write_plan(file.clone(), out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
-    let mut warnings = Vec::new();
+    let mut warnings = opened.notes.clone();
     if let Some(volume) = opened.volume() {
-        warnings.extend(crate::volume::sentences(&volume.info().notes));
         let needs = volume.preparation();
         if needs != Preparation::default() && !needs.on_demand {
             warnings.push(
@@ -260,15 +259,16 @@ pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartRepo
     let (id, folder) = (plan.part(number)?, plan.folder());
     let mut opened = plan.open(input)?;
     let was_there = is_there(&id, folder, input.job.progress)?;
-    let mut part_voxels = None;
+    let (mut part_voxels, mut warnings) = (None, Vec::new());
     if !was_there {
         let threshold = input.threshold_of(&opened, &id, folder)?;
         let options = BuildOptions { threshold, ..input.options() };
-        part_voxels = Some(input.build(&mut opened, &options, folder, &[id])?);
+        let (voxels, notes) = input.build(&mut opened, &options, folder, &[id])?;
+        (part_voxels, warnings) = (Some(voxels), notes);
     }
     let surface = input.job.options.volume_surface();
     let report = PartReport::new(plan, number, &id.path(folder), started);
-    Ok(PartReport { was_there, part_voxels, surface, ..report })
+    Ok(PartReport { was_there, part_voxels, surface, warnings, ..report })
 }
 
 /// True for an existing, whole and sound part. A damaged one is built again; one that cannot be read is not replaced.
@@ -309,11 +309,13 @@ pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
             missing.push(id);
         }
     }
+    let mut warnings = opened.notes.clone();
     if let Some(first) = missing.first() {
-        let threshold = input.own_threshold(&mut opened, first, &folder)?;
+        let (threshold, note) = input.own_threshold(&mut opened, first, &folder)?;
         let options = BuildOptions { threshold, ..input.options() };
         input.own_cleaning(&mut opened, first, &folder, &options)?;
-        input.build(&mut opened, &options, &folder, &missing)?;
+        let (_, notes) = input.build(&mut opened, &options, &folder, &missing)?;
+        warnings.extend(note.iter().map(ToString::to_string).chain(notes));
     }
     drop(opened);
     let joined = join(digest, cuts, &folder, output, progress)?;
@@ -324,7 +326,7 @@ pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
         }
     }
     let _ = std::fs::remove_dir(&folder);
-    Ok(MergeReport::of(&joined, (&folder, output), parts, started))
+    Ok(MergeReport { warnings, ..MergeReport::of(&joined, (&folder, output), parts, started) })
 }
 
 /// Joins all parts of a plan into the model that one build makes.

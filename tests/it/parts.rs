@@ -222,7 +222,8 @@ fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_c
             "round {round}: {words:?} {scalar:?} {dims:?} in {count}"
         );
         let resumed = text(&job.path("resumed.oct"));
-        job.run(&["build"], &["-o", &resumed, "--resume", "--json"]).json();
+        let report = job.run(&["build"], &["-o", &resumed, "--resume", "--json"]).json();
+        assert_eq!(report["warnings"], whole.json()["warnings"], "round {round}: {words:?}");
         assert!(
             fs::read(&resumed).unwrap() == joined,
             "round {round}: {words:?} {scalar:?} {dims:?} resumed"
@@ -388,9 +389,11 @@ fn parts_of_meshes_and_of_trees_join_into_the_file_of_one_build() {
     ];
     for (input, options, count) in table {
         let (input, one, all, out) = (at(input), at("one.oct"), at("all.oct"), at("job"));
-        oct(&[&["build", &input, "-o", &one, "--json"], options].concat()).json();
+        let whole = oct(&[&["build", &input, "-o", &one, "--json"], options].concat()).json();
         let count = count.to_string();
-        oct(&[&["plan", &input, "--out", &out, "--parts", &count, "--json"], options].concat()).json();
+        let planned =
+            oct(&[&["plan", &input, "--out", &out, "--parts", &count, "--json"], options].concat()).json();
+        assert_eq!(planned["warnings"], whole["warnings"], "{input} {options:?}");
         let plan = at("job/plan.json");
         for number in 0..count.parse::<u32>().unwrap() {
             let threads = (1 + number % 3).to_string();

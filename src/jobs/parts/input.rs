@@ -18,7 +18,7 @@ use crate::geom::Dims;
 use crate::jobs::build::{BuildJob, prepare};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::names::{ERROR, LABELS, UNCERTAINTY, VISIBLE_FROM};
-use crate::volume::VolumeSource;
+use crate::volume::{VolumeSource, sentences};
 
 /// Version of the layout of parts and of the contents of their digest.
 const VERSION: &str = "infobyte parts 2";
@@ -45,6 +45,8 @@ pub(super) struct Opened {
     pub(super) files: Vec<PathBuf>,
     /// The stages before the parts.
     pub(super) stages: Vec<Stage>,
+    /// Notes on it.
+    pub(super) notes: Vec<String>,
 }
 
 impl Opened {
@@ -101,11 +103,11 @@ impl PartsInput<'_> {
         }
         let subject = self.job.reshape(self.job.open(self.kind, self.inputs, self.how)?)?;
         let Subject::Volume(volume) = &subject else {
-            let (dims, files) = match known {
-                Some((dims, files)) => (dims, files.iter().map(PathBuf::from).collect()),
+            let (dims, files, notes) = match known {
+                Some((dims, files)) => (dims, files.iter().map(PathBuf::from).collect(), Vec::new()),
                 None => self.outline(&subject)?,
             };
-            return Ok(Opened { subject, dims, files, stages: Vec::new() });
+            return Ok(Opened { subject, dims, files, stages: Vec::new(), notes });
         };
         if let Some(what) = self.unsupported(Some(&**volume)) {
             return refuse(what);
@@ -121,17 +123,19 @@ impl PartsInput<'_> {
         let by_otsu = self.threshold() == Threshold::Otsu;
         let mut stages = if by_otsu { Stage::of_otsu(info.scalar).to_vec() } else { Vec::new() };
         stages.extend(self.job.clean.works_on_bits().then_some(Stage::Occupancy));
-        Ok(Opened { subject, dims, files: Vec::new(), stages })
+        let doubt = self.job.clean.preset.and_then(|preset| preset.doubt(volume.modality()));
+        let notes = sentences(&info.notes).into_iter().chain(doubt.map(|doubt| doubt.to_string())).collect();
+        Ok(Opened { dims, files: Vec::new(), stages, notes, subject })
     }
 
-    /// Grid and files of a mesh or a tree.
-    fn outline(&self, subject: &Subject) -> Result<(Dims, Vec<PathBuf>), Error> {
-        let found = self.job.with_solid(subject, &mut |made, _| {
+    /// Grid and files of a mesh or a tree, and the notes on it.
+    fn outline(&self, subject: &Subject) -> Result<(Dims, Vec<PathBuf>, Vec<String>), Error> {
+        let ((dims, files), notes) = self.job.with_solid(subject, &mut |made, _| {
             let mut files = Vec::new();
             made.solid.for_each_file(&mut |path| files.push(path.to_path_buf()));
             Ok((made.solid.dims(), files))
         })?;
-        Ok(found.0)
+        Ok((dims, files, notes))
     }
 
     /// The digest of everything that determines the bytes of the model: program, options, and name, length and time of
@@ -184,22 +188,31 @@ impl PartsInput<'_> {
         Ok(())
     }
 
-    /// Builds some parts, one after the other; returns the number of voxels in all of them.
+    /// Builds some parts, one after the other; returns the number of voxels in all of them, and the notes on them.
     pub(super) fn build(
         &self,
         opened: &mut Opened,
         options: &BuildOptions,
         folder: &Path,
         ids: &[PartId],
-    ) -> Result<u64, Error> {
-        let Some(first) = ids.first() else { return Ok(0) };
+    ) -> Result<(u64, Vec<String>), Error> {
+        let Some(first) = ids.first() else { return Ok((0, Vec::new())) };
         self.prepare(opened, &first.path(folder))?;
         let bits = self.cleaned_bits(opened, ids, folder)?;
         let progress = self.job.progress;
-        let each = |build: &mut dyn FnMut(&PartId, &Path) -> Result<builder::BuildReport, BuildError>| {
-            ids.iter().try_fold(0, |voxels, id| Ok(voxels + build(id, &id.path(folder))?.skin_voxels))
+        let mut notes = Vec::new();
+        let mut each = |build: &mut dyn FnMut(&PartId, &Path) -> Result<builder::BuildReport, BuildError>| {
+            ids.iter().try_fold(0, |voxels, id| {
+                let report = build(id, &id.path(folder))?;
+                for note in report.notes.iter().map(ToString::to_string) {
+                    if !notes.contains(&note) {
+                        notes.push(note);
+                    }
+                }
+                Ok(voxels + report.skin_voxels)
+            })
         };
-        Ok(match &opened.subject {
+        let voxels = match &opened.subject {
             Subject::Volume(volume) => {
                 let clean = self.job.clean;
                 let cleaned =
@@ -214,6 +227,7 @@ impl PartsInput<'_> {
                     })?
                     .0
             }
-        })
+        };
+        Ok((voxels, notes))
     }
 }

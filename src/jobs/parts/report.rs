@@ -13,6 +13,11 @@ use crate::format::SurfaceKind;
 use crate::jobs::info::noun;
 use crate::text::{Count, Short, data, shown};
 
+/// The lines of notes.
+fn notes(warnings: &[String]) -> String {
+    warnings.iter().map(|warning| format!("  note: {}\n", shown(warning))).collect()
+}
+
 /// A plan that was written.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -56,10 +61,7 @@ impl PlanReport {
             let _ = write!(text, "; stages before the parts: {}", self.stages.join(", "));
         }
         text.push('\n');
-        for warning in &self.warnings {
-            let _ = writeln!(text, "  note: {}", shown(warning));
-        }
-        text
+        text + &notes(&self.warnings)
     }
 }
 
@@ -83,6 +85,8 @@ pub struct PartReport {
     pub(super) surface: SurfaceKind,
     /// Size of the file that was written or read.
     pub bytes: u64,
+    /// Sentences about the input: assumptions, parts left out, oddities.
+    pub warnings: Vec<String>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
     /// Seconds from start to end.
@@ -100,6 +104,7 @@ impl PartReport {
             part_voxels: None,
             surface: SurfaceKind::Skin,
             bytes: std::fs::metadata(path).map_or(0, |meta| meta.len()),
+            warnings: Vec::new(),
             peak_rss_bytes: peak_rss_bytes(),
             wall_s: started.elapsed().as_secs_f64(),
         }
@@ -112,7 +117,8 @@ impl PartReport {
             Some(voxels) => format!("{} in {:.2} s", Count(voxels, noun(self.surface)), self.wall_s),
             None => format!("{} in {:.2} s", self.stage.unwrap_or_default(), self.wall_s),
         };
-        format!("{}: part {}, {}, {done}\n", shown(&self.output), self.part, Bytes(self.bytes))
+        let size = Bytes(self.bytes);
+        format!("{}: part {}, {size}, {done}\n", shown(&self.output), self.part) + &notes(&self.warnings)
     }
 }
 
@@ -155,10 +161,7 @@ impl StageReport {
             let _ = write!(text, "; cleaned: {} added, {removed} removed", Count(added, "voxel"));
         }
         text.push('\n');
-        for warning in &self.warnings {
-            let _ = writeln!(text, "  note: {}", shown(warning));
-        }
-        text
+        text + &notes(&self.warnings)
     }
 }
 
@@ -175,11 +178,13 @@ pub struct MergeReport {
     /// Skin voxels of the model.
     pub skin_voxels: u64,
     #[serde(skip)]
-    surface: SurfaceKind,
+    pub(super) surface: SurfaceKind,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
     pub bytes: u64,
+    /// Sentences about the input: assumptions, parts left out, oddities.
+    pub warnings: Vec<String>,
     /// Seconds of census and joining.
     pub join_s: f64,
     /// Seconds of rank directory and checksums.
@@ -205,6 +210,7 @@ impl MergeReport {
             join_s: joined.seconds.merge,
             seal_s: joined.seconds.seal,
             commit_s: joined.seconds.commit,
+            warnings: Vec::new(),
             peak_rss_bytes: peak_rss_bytes(),
             wall_s: started.elapsed().as_secs_f64(),
         }
@@ -221,6 +227,6 @@ impl MergeReport {
             Bytes(self.bytes),
             self.wall_s,
             Bytes(self.peak_rss_bytes)
-        )
+        ) + &notes(&self.warnings)
     }
 }

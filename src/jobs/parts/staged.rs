@@ -11,7 +11,8 @@ use crate::builder::parts::occupancy::{Occupancy, OccupancyId};
 use crate::builder::parts::stage::{self, Finding, Stage};
 use crate::builder::parts::{PartFault, PartId};
 use crate::builder::{
-    BitVolume, BuildError, BuildFault, BuildOptions, Chooser, Extremes, Progress, Threshold, choose_noted,
+    BitVolume, BuildError, BuildFault, BuildNote, BuildOptions, Chooser, Extremes, Progress, Threshold,
+    choose_noted,
 };
 use crate::clean::{CleanError, CleanReport};
 use crate::error::Error;
@@ -47,27 +48,27 @@ impl PartsInput<'_> {
         }
     }
 
-    /// The threshold on one machine, which reads all values if it is not known yet.
+    /// The threshold on one machine, which reads all values if it is not known yet; also returns the note on it.
     pub(super) fn own_threshold(
         &self,
         opened: &mut Opened,
         id: &PartId,
         folder: &Path,
-    ) -> Result<Threshold, Error> {
+    ) -> Result<(Threshold, Option<BuildNote>), Error> {
         let stage = Stage::Histogram;
         if !opened.stages.contains(&stage) {
-            return Ok(self.options().threshold);
+            return Ok((self.options().threshold, None));
         }
-        if let Some(Finding::Chosen(selection, _)) = sound(stage::read(stage, id, folder, true))? {
-            return Ok(Threshold::Chosen(selection));
+        if let Some(Finding::Chosen(selection, note)) = sound(stage::read(stage, id, folder, true))? {
+            return Ok((Threshold::Chosen(selection), note));
         }
         self.prepare(opened, &stage.whole_path(id, folder))?;
-        let Some(source) = opened.volume() else { return Ok(self.options().threshold) };
+        let Some(source) = opened.volume() else { return Ok((self.options().threshold, None)) };
         let BuildJob { options, progress, .. } = self.job;
         let (selection, note) =
             choose_noted(source, Threshold::Otsu, options.memory, options.threads, progress)?;
         stage::write(&Finding::Chosen(selection, note), stage, id, folder, true)?;
-        Ok(Threshold::Chosen(selection))
+        Ok((Threshold::Chosen(selection), note))
     }
 
     /// The cleaned occupancy, with the slices checked that `parts` read; `None` without cleaning.

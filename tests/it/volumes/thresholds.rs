@@ -1,5 +1,6 @@
 //! Thresholds that the program chooses: of labels, of padded slices, and else by Otsu's method.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -27,6 +28,10 @@ fn report(volume: &dyn VolumeSource) -> BuildReport {
     let folder = tempfile::tempdir().unwrap();
     let options = BuildOptions { threshold: Threshold::Otsu, threads: 2, ..skin_options() };
     build_volume(volume, &options, &folder.path().join("m.oct"), &Silent).unwrap()
+}
+
+fn holds(selection: &Selection, value: f64) -> bool {
+    (selection.lo..=selection.hi).contains(&value)
 }
 
 /// From the middle of a slice, as a part of the circle that it has room for.
@@ -193,14 +198,68 @@ fn labels_in_each_other_are_labels() {
         assert!(matches!(notes[..], [BuildNote::Labels { count: 5 }]), "{axis} {notes:?}");
     }
     // Values that no map of ours has: a note says that they may be labels.
-    let odd: [&dyn Fn([u32; 3]) -> f32; 3] =
-        [&|p| f32::from(shells(p, maps[0].1, 0.0)) - 1.0, &|p| -f32::from(shells(p, maps[0].1, 0.0)), &|p| {
-            Some(f32::from(shells(p, maps[2].1, 0.0))).filter(|v| *v > 0.0).unwrap_or(f32::NAN)
-        }];
+    let odd: [&dyn Fn([u32; 3]) -> f32; 2] =
+        [&|p| f32::from(shells(p, maps[0].1, 0.0)) - 1.0, &|p| -f32::from(shells(p, maps[0].1, 0.0))];
     for (at, value) in odd.into_iter().enumerate() {
         let notes = report(&Voxels::from_fn(dims(), value)).notes;
-        let is_noted = |note: &BuildNote| matches!(note, BuildNote::Greys { count: 4 | 5 });
-        assert!(notes.iter().any(is_noted), "{at} {notes:?}");
+        assert!(matches!(notes[..], [BuildNote::Greys { count: 4 }]), "{at} {notes:?}");
+    }
+}
+
+/// What is outside whatever it is stands for 0: NaN, minus infinity, and values that fill what was not measured.
+#[test]
+fn labels_lie_in_zero_in_nan_and_in_fill_values() {
+    for (name, of) in [
+        ("one within the other", &[(20.0, 1), (8.0, 2)][..]),
+        ("three", &[(20.0, 1), (14.0, 2), (8.0, 3)]),
+        ("a core apart from its shell", &[(20.0, 1), (19.0, 0), (8.0, 7)]),
+        ("a thick shell", &[(20.0, 1), (17.0, 0), (8.0, 100)]),
+    ] {
+        let labels: BTreeSet<u8> = of.iter().map(|(_, label)| *label).filter(|label| *label > 0).collect();
+        for fill in [0.0, f32::NAN, f32::NEG_INFINITY, f32::MIN, f32::MAX, -1e30] {
+            let value = |p| Some(f32::from(shells(p, of, 0.0))).filter(|v| *v > 0.0).unwrap_or(fill);
+            let BuildReport { selection, notes, .. } = report(&Voxels::from_fn(dims(), value));
+            assert_eq!(selection.lo, 1.0, "{name} {fill}");
+            assert!(!holds(&selection, f64::from(fill)), "{name} {fill}: {selection:?}");
+            let is_it =
+                |note: &BuildNote| matches!(note, BuildNote::Labels { count } if *count == labels.len());
+            assert!(notes.iter().any(is_it), "{name} {fill}: {notes:?}");
+            assert_eq!(notes.contains(&BuildNote::NotNumbers), fill.is_nan(), "{name} {fill}");
+        }
+    }
+}
+
+/// One voxel of 10^6 is no half of a mixture, and neither is a fill value, wherever it is and on either side.
+#[test]
+fn hot_samples_and_fill_values_leave_the_threshold_as_it_is() {
+    let plain = |p: [u32; 3]| head(p, 60.0);
+    let want = chosen(&Voxels::from_fn(dims(), plain)).lo;
+    for hot in [&[1e6][..], &[-1e9], &[1e6, 3e30, 1.1e6]] {
+        let value = |p: [u32; 3]| {
+            hot.get(p[0] as usize).filter(|_| p[1] + p[2] == 9).map_or_else(|| plain(p), |v| *v)
+        };
+        let hot_voxels = |p: [u32; 3]| if p[2] == 4 { value(p) } else { plain(p) };
+        let BuildReport { selection, .. } = report(&Voxels::from_fn(dims(), hot_voxels));
+        assert!((selection.lo - want).abs() < 60.0, "{hot:?}: {selection:?} {want}");
+    }
+    let filled: [&dyn Fn([u32; 3]) -> bool; 3] = [&|p| away(p) > 0.85, &|p| p[0] < 8, &|p| p[2] < 4];
+    for is_filled in filled {
+        for fill in [f64::from(i32::MIN), f64::from(i32::MAX), -1e7, 1e20, -3e38] {
+            let value = |p| if is_filled(p) { fill } else { plain(p) };
+            let double = Voxels::from_fn(dims(), value);
+            #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
+            let whole = Voxels::from_fn(dims(), |p| value(p) as i32);
+            let volumes: [&dyn VolumeSource; 2] = [&double, &whole];
+            for volume in volumes.into_iter().take(if fill.abs() < 3e9 { 2 } else { 1 }) {
+                let BuildReport { selection, notes, .. } = report(volume);
+                assert!(
+                    (selection.lo - want).abs() < 60.0 && !holds(&selection, fill),
+                    "{fill}: {selection:?}"
+                );
+                let is_it = |note: &BuildNote| matches!(note, BuildNote::Padding { value } if *value == fill);
+                assert!(notes.iter().any(is_it), "{fill} {notes:?}");
+            }
+        }
     }
 }
 
@@ -408,6 +467,7 @@ fn padding_is_left_out() {
             matches!(notes[..], [BuildNote::Padding { value }] if value == f64::from(padding)),
             "{notes:?}"
         );
+        assert!(!holds(&chosen(&volume), f64::from(padding)), "{padding}");
     }
     // Wherever it is, where a CT cannot measure so little and has air besides.
     let elsewhere: [&dyn Fn([u32; 3]) -> bool; 3] =
