@@ -3,6 +3,8 @@
 //! A histogram's bins divide a range evenly. A fill value of -3.4e38, or one hot sample, would leave all others in one
 //! bin, so both are told apart first: the few outermost values of either end are counted.
 
+use std::ops::Range;
+
 use super::evidence::End;
 use super::range::Ordered;
 
@@ -31,8 +33,8 @@ pub(crate) struct Extremes {
 pub(super) struct Core {
     pub(super) low: f64,
     pub(super) high: f64,
-    /// The value that fills what was not measured, below the range or above.
-    pub(super) fill: Option<f64>,
+    /// The values that fill what was not measured, below the range and above.
+    pub(super) fill: [Option<f64>; 2],
 }
 
 impl Extremes {
@@ -85,40 +87,45 @@ impl Extremes {
         least.iter().chain(only_most).for_each(|end| self.add_value(*end));
     }
 
-    /// The range without a fill value and hot samples, in a volume of this many samples; `None` if it is the whole one.
+    /// The range without fill values and hot samples, in a volume of this many samples; `None` if it is the whole one.
     pub(super) fn core(&self, voxels: u64) -> Option<Core> {
-        let (mut from, mut fill) = ([0; 2], None);
-        loop {
-            let before = from;
+        let most_hot = HOT.max(voxels / HOT_PART);
+        let (mut from, mut fill) = ([0; 2], [None; 2]);
+        while let Some(next) = self.cut(from, most_hot) {
             for side in 0..2 {
-                let opposite = self.ends[1 - side].get(from[1 - side])?.value;
-                if let Some((cut, of_fill)) = self.cut(side, from[side], opposite, voxels) {
-                    from[side] = cut;
-                    fill = fill.or(of_fill);
-                }
+                let cut = &self.ends[side][from[side]..next[side]];
+                fill[side] = fill[side].or(fill_of(cut));
             }
-            if from == before {
-                break;
-            }
+            from = next;
         }
-        let [low, high] = [0, 1].map(|side| self.ends[side][from[side]].value);
-        (from != [0; 2]).then_some(Core { low, high, fill })
+        let [low, high] = [0, 1].map(|side| self.ends[side].get(from[side]).map(|end| end.value));
+        low.zip(high).filter(|_| from != [0; 2]).map(|(low, high)| Core { low, high, fill })
     }
 
-    /// The first value of a side that stays, and the fill value that does not.
-    fn cut(&self, side: usize, from: usize, opposite: f64, voxels: u64) -> Option<(usize, Option<f64>)> {
-        let end = &self.ends[side][from..];
-        let (first, others) = end.split_first()?;
-        let without = |at: usize| (end[at].value - opposite).abs();
-        let shrinks = |at: usize, ratio: f64| without(at) > 0.0 && without(0) / without(at) >= ratio;
-        if !others.is_empty() && first.value.abs() >= FILL && shrinks(1, FILL_RATIO) {
-            return Some((from + 1, Some(first.value)));
-        }
-        let most = HOT.max(voxels / HOT_PART);
-        let are_hot = |at: usize| end[..at].iter().map(|end| end.count).sum::<u64>() <= most;
+    /// The first values of both ends that stay, if a fill value or hot samples lie far beyond these.
+    fn cut(&self, from: [usize; 2], most_hot: u64) -> Option<[usize; 2]> {
+        let range = |[i, j]: [usize; 2]| Some(self.ends[1].get(j)?.value - self.ends[0].get(i)?.value);
+        let whole = range(from)?;
+        let choices = (1..2 * HELD).flat_map(|n| (0..=n).map(move |i| [from[0] + i, from[1] + n - i]));
+        choices.into_iter().find(|to| {
+            let ratios = [0, 1].map(|side| self.least_ratio(side, from[side]..to[side], most_hot));
+            let left = range(*to).filter(|left| *left > 0.0);
+            matches!((left, ratios), (Some(left), [Some(a), Some(b)]) if whole / left >= a.max(b))
+        })
+    }
+
+    /// The least ratio by which the range has to shrink without some values of an end; `None` for values that count.
+    fn least_ratio(&self, side: usize, cut: Range<usize>, most_hot: u64) -> Option<f64> {
         let is_mixture = self.ends[side].len() == HELD;
-        let cut = (1..end.len()).find(|at| is_mixture && are_hot(*at) && shrinks(*at, HOT_RATIO))?;
-        Some((from + cut, None))
+        let cut = self.ends[side].get(cut)?;
+        if cut.is_empty() {
+            return Some(1.0);
+        }
+        if fill_of(cut).is_some() {
+            return Some(FILL_RATIO);
+        }
+        let are_hot = is_mixture && cut.iter().map(|end| end.count).sum::<u64>() <= most_hot;
+        are_hot.then_some(HOT_RATIO)
     }
 
     pub(super) fn words(&self) -> impl Iterator<Item = u64> {
@@ -140,6 +147,11 @@ impl Extremes {
 
     /// Most words of [`Self::words`].
     pub(super) const WORDS: usize = 1 + 4 * HELD;
+}
+
+/// The value of an end that is a fill value.
+fn fill_of(cut: &[End]) -> Option<f64> {
+    if let [only] = cut { Some(only.value).filter(|value| value.abs() >= FILL) } else { None }
 }
 
 #[cfg(test)]
@@ -181,21 +193,22 @@ mod tests {
         };
         let (low, high) = of(&others).whole().unwrap();
         assert_eq!(of(&others).core(40_000), None);
+        let filled = |fill: f64| if fill < 0.0 { [Some(fill), None] } else { [None, Some(fill)] };
         for fill in [f64::from(f32::MIN), -1e30, 3.4e38, -1e7, f64::from(i32::MIN)] {
-            assert_eq!(core(&[fill], 9000), Some(Core { low, high, fill: Some(fill) }), "{fill}");
-            assert_eq!(core(&[fill, f64::NAN, f64::INFINITY], 9000).unwrap().fill, Some(fill));
+            let due = Some(Core { low, high, fill: filled(fill) });
+            assert_eq!(core(&[fill], 9000), due, "{fill}");
+            assert_eq!(core(&[fill, f64::NAN, f64::INFINITY], 9000), due);
         }
-        let hot =
-            |values: &[f64]| assert_eq!(core(values, 1), Some(Core { low, high, fill: None }), "{values:?}");
-        hot(&[1e6]);
-        hot(&[1e6, 1.1e6, -1e6]);
-        let both = core(&[-3e38, 1e5, 9e5], 2);
-        assert_eq!(both, Some(Core { low, high, fill: Some(-3e38) }));
+        assert_eq!(core(&[-3e38, 3e38], 9000), Some(Core { low, high, fill: [Some(-3e38), Some(3e38)] }));
+        for hot in [&[1e6][..], &[1e6, 1.1e6, -1e6], &[-4e5, -3e5]] {
+            assert_eq!(core(hot, 1), Some(Core { low, high, fill: [None; 2] }), "{hot:?}");
+        }
+        assert_eq!(core(&[-3e38, 1e5, 9e5], 2), Some(Core { low, high, fill: filled(-3e38) }));
         // A metal of one value, and labels, are not hot.
         assert_eq!(core(&[1e6], 900), None);
         assert_eq!(of(&[0.0, 1.0, 100_000.0, 1.0, 0.0]).core(5), None);
         let labels = of(&[0.0, 1.0, 2.0, -2_147_483_648.0]).core(4);
-        assert_eq!(labels, Some(Core { low: 0.0, high: 2.0, fill: Some(-2_147_483_648.0) }));
+        assert_eq!(labels, Some(Core { low: 0.0, high: 2.0, fill: filled(-2_147_483_648.0) }));
         assert_eq!(of(&[]).core(0), None);
         assert_eq!(of(&[7.0, 7.0]).core(2), None);
     }

@@ -318,19 +318,19 @@ impl Tally {
         let value = |bin: usize| low + bin as f64 * width;
         let (mut kind, mut within) = (Kind::Values, [f64::NEG_INFINITY, f64::INFINITY]);
         let values = self.values(low, width);
-        let fill = core.and_then(|core| core.fill);
+        let fill = core.map_or([None; 2], |core| core.fill);
         let hu = |bin: usize| source.info().rescale.apply(value(bin));
         let padding =
             || self.evidence.padding(&self.counts, &value).or_else(|| below_air(&self.counts, &hu, source));
-        if let (Some(fill), Some(core)) = (fill, core) {
-            within = if fill < core.low { [core.low, within[1]] } else { [within[0], core.high] };
+        if let Some(Core { low, high, fill: [below, above] }) = core {
+            within = [below.map_or(within[0], |_| low), above.map_or(within[1], |_| high)];
         }
         if let Some(levels) = self.evidence.labels(values) {
             kind = match levels {
                 Levels::Labels(count) => Kind::Labels { count, first: self.evidence.first },
                 Levels::Greys(count) => Kind::Greys { count },
             };
-        } else if let Some(value) = fill {
+        } else if let Some(value) = fill[0].or(fill[1]) {
             kind = Kind::Padded { value };
         } else if let Some(bin) = padding() {
             kind = Kind::Padded { value: value(bin) };

@@ -216,12 +216,57 @@ fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
         return false;
     }
     let f = t.map(f64::from);
-    let a = [f[0], f[1], f[2]];
-    let normal = cross([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
-    let middle = [0, 1, 2].map(|k| (region[k].0 + region[k].1) as f64 / 2.0 - a[k]);
+    let way = |at: usize| [0, 1, 2].map(|k| f[at + k] - f[k]);
+    let (b, c) = (way(3), way(6));
+    let middle = [0, 1, 2].map(|k| (region[k].0 + region[k].1) as f64 / 2.0 - f[k]);
     let half = [0, 1, 2].map(|k| (region[k].1 - region[k].0) as f64 / 2.0 + 2.0);
-    let away = dot(normal, middle).abs();
-    // Rounding of products of 2^60 and 2^31: far below one part of a million of their sum.
-    let size = dot(normal.map(f64::abs), middle.map(f64::abs));
-    away <= dot(normal.map(f64::abs), half) + 1e-9 * size
+    let apart = |along: [f64; 3]| {
+        let size = along.map(f64::abs);
+        let ends = [dot(along, b), dot(along, c)];
+        // Rounding of products of 2^60 and 2^31: far below one part of a million of their sum.
+        let sum = [0, 1, 2].map(|k| middle[k].abs() + b[k].abs() + c[k].abs());
+        let (at, reach) = (dot(along, middle), dot(size, half) + 1e-9 * dot(size, sum));
+        at - reach > ends[0].max(ends[1]).max(0.0) || at + reach < ends[0].min(ends[1]).min(0.0)
+    };
+    // The planes of tilted strips around a tube leave no box beside it, but their long edges do.
+    let across = |[x, y, z]: [f64; 3]| [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]];
+    let edges = [b, c, [0, 1, 2].map(|k| c[k] - b[k])];
+    !apart(cross(b, c)) && !edges.into_iter().flat_map(across).any(apart)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::csg::facets;
+
+    /// Boxes beside a tilted tube are no part of its surface, though the planes of its strips meet them.
+    #[test]
+    fn few_boxes_meet_a_tilted_tube() {
+        const SIDE: u32 = 8;
+        let outline: Vec<[f64; 2]> = (0..100)
+            .map(|at| f64::from(at) * std::f64::consts::TAU / 100.0)
+            .map(|a| [a.cos(), a.sin()])
+            .collect();
+        let axes = [[3.0, -2.0, 25.0, 32.0], [1.0, 3.5, 27.0, 30.0], [-2.0, -1.0, 29.0, 31.0]];
+        let rows = axes.map(|row| row.map(|c| c * f64::from(STEPS)));
+        let tube = Body::new(&facets::prism(&[outline], [-1.0, 1.0]), &Affine { rows }, 1).unwrap();
+        let (mut met, mut apart) = (0, 0);
+        for at in 0..512 {
+            let corner = [at % 8, at / 8 % 8, at / 64].map(|c| c * SIDE);
+            let [x, y, z] = corner.map(|c| c..c + SIDE);
+            let cover = tube.cover(&VoxelBox { x: x.clone(), y: y.clone(), z: z.clone() });
+            if cover == Cover::Mixed {
+                met += 1;
+                continue;
+            }
+            apart += 1;
+            for place in z.flat_map(|z| y.clone().map(move |y| [y, z])) {
+                for x in x.clone() {
+                    let voxel = [x, place[0], place[1]].map(u32::cast_signed);
+                    assert_eq!(tube.contains(voxel), cover == Cover::Inside, "{voxel:?}");
+                }
+            }
+        }
+        assert!(met > 10 && met < 60, "{met} of {}", met + apart);
+    }
 }
