@@ -423,6 +423,28 @@ fn meshes_within_an_error_are_closed_smaller_and_near() {
     }
 }
 
+/// A larger error gives no more triangles, however rough a body is.
+#[test]
+fn a_larger_error_gives_no_more_triangles() {
+    let mut random = Random(3);
+    let noise: Vec<f64> = (0..40_u32.pow(3)).map(|_| random.unit() - 0.5).collect();
+    for (name, scale, rough) in
+        [("in whole numbers", 10.0, 0.0), ("rough", 100.0, 1.0), ("noise", 300.0, 30.0)]
+    {
+        let case = Case::new([40; 3], SurfaceKind::Cells, identity(), |p| {
+            let [x, y, z] = p.map(|c| f64::from(c) * std::f64::consts::TAU / 20.0);
+            let gyroid = x.sin() * y.cos() + y.sin() * z.cos() + z.sin() * x.cos();
+            ((gyroid + rough * noise[((p[2] * 40 + p[1]) * 40 + p[0]) as usize]) * scale).round() as f32
+        });
+        let mut least = u64::MAX;
+        for bound in [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 2.0] {
+            let found = case.within("e.stl", Tolerance::Voxels(bound)).0.triangles;
+            assert!(found <= least.saturating_add(least / 50), "{name} {bound}: {found} {least}");
+            least = least.min(found);
+        }
+    }
+}
+
 /// To a number, within more than a voxel, and both: closed where corners at one place are one, and as near as stated.
 #[test]
 fn meshes_of_a_number_of_triangles_are_closed_and_as_near_as_stated() {

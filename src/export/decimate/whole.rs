@@ -28,8 +28,10 @@ const PATCH: f64 = 32.0;
 /// Borders of the patches in sides, and what is left to these of the distance.
 const PASSES: [(f64, f64); 2] = [(0.0, 0.7), (0.5, 0.28)];
 
-/// Limits of the metric in a patch, as parts of the distance, tried one after the other.
-const TRIES: [f64; 2] = [0.6, 0.3];
+/// Limits of the metric in a patch, tried one after the other: a part of the distance, then so many powers of two of a
+/// voxel. These are the same for any distance, so that a larger one finds what a smaller one did.
+const TRY: f64 = 0.6;
+const TRIES: u32 = 4;
 
 /// The same for the whole surface.
 const LIMITS: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
@@ -366,12 +368,14 @@ impl Reducer<'_> {
         }
         let locks: Vec<_> = fine.olds.iter().map(|old| locks[*old as usize]).collect();
         let tree = Tree::new(fine.triangles().collect());
-        for part in TRIES {
+        let first = TRY * mm / self.voxel_mm;
+        let powers = (0..TRIES).map(|k| first.log2().ceil() - f64::from(k + 1));
+        for voxels in std::iter::once(first).chain(powers.map(f64::exp2)) {
             if self.progress.stopped() {
                 break;
             }
             let mut few = fine.clone();
-            few.collapse(0, part * mm, &locks);
+            few.collapse(0, voxels * self.voxel_mm, &locks);
             if few.faces.len() == fine.faces.len() {
                 break;
             }
