@@ -438,7 +438,7 @@ fn a_larger_error_gives_no_more_triangles() {
         });
         let mut least = u64::MAX;
         for bound in [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 2.0] {
-            let found = case.within("e.stl", Tolerance::Voxels(bound)).0.triangles;
+            let found = case.within("e.ply", Tolerance::Voxels(bound)).0.triangles;
             assert!(found <= least.saturating_add(least / 50), "{name} {bound}: {found} {least}");
             least = least.min(found);
         }
