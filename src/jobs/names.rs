@@ -62,11 +62,15 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
         return Err(wrong(0).into());
     }
     let mark = mark_bytes(&bytes).map_err(|wide| SourceError::from(bad!("{wide}").at(path)))?;
-    let text = String::from_utf8_lossy(bytes.get(mark..).unwrap_or_default());
+    let bytes = bytes.get(mark..).unwrap_or_default();
+    let text = std::str::from_utf8(bytes).map_err(|wrong| {
+        let line = bytes.iter().take(wrong.valid_up_to()).filter(|c| **c == b'\n').count() + 1;
+        SourceError::from(usage!("line {line} is not text in UTF-8; save the table as UTF-8").at(path))
+    })?;
     let blanks = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ctbl"));
     let mut names = match text.trim_start().starts_with(['{', '[']) {
-        true => of_json(&text, typed).ok_or_else(|| wrong(0))?,
-        false => of_rows(&text, blanks).map_err(wrong)?,
+        true => of_json(text, typed).ok_or_else(|| wrong(0))?,
+        false => of_rows(text, blanks).map_err(wrong)?,
     };
     if let Some(long) = names.iter().find(|label| label.name.len() > MAX_NAME_BYTES) {
         let (number, bytes) = (long.number, long.name.len());
@@ -155,6 +159,30 @@ fn of_fields(row: &str, blanks: bool) -> Option<LabelName> {
     Some(LabelName { number, name, color: Some([part(0)?, part(1)?, part(2)?]) })
 }
 
+/// The fields of a row; one in quotes may hold separators, and quotes that are doubled. `None` if a quote is not closed.
+fn fields_of(row: &str, separator: char) -> Option<Vec<String>> {
+    let mut fields = Vec::new();
+    let mut rest = Some(row);
+    while let Some(row) = rest {
+        let row = row.trim_start_matches(|c: char| c.is_whitespace() && c != separator);
+        let mut field = String::new();
+        let mut behind = row;
+        while let Some(quoted) = behind.strip_prefix('"') {
+            let (inside, after) = quoted.split_once('"')?;
+            field.push_str(inside);
+            behind = after;
+            if behind.starts_with('"') {
+                field.push('"');
+            }
+        }
+        let (plain, after) = behind.split_once(separator).map_or((behind, None), |(a, b)| (a, Some(b)));
+        field.push_str(plain);
+        fields.push(field.trim().to_owned());
+        rest = after;
+    }
+    Some(fields)
+}
+
 /// Columns of a table with a header.
 struct Columns {
     number: usize,
@@ -166,7 +194,7 @@ struct Columns {
 impl Columns {
     fn of(header: &str, separator: char) -> Option<Self> {
         let names: Vec<String> =
-            header.split(separator).map(|name| name.trim().to_ascii_lowercase()).collect();
+            fields_of(header, separator)?.iter().map(|name| name.to_ascii_lowercase()).collect();
         let at = |wanted: &[&str]| names.iter().position(|name| wanted.contains(&name.as_str()));
         Some(Self {
             number: at(&["index", "labelvalue", "value", "label", "id"])?,
@@ -177,17 +205,17 @@ impl Columns {
     }
 
     fn label(&self, row: &str, separator: char) -> Option<LabelName> {
-        let fields: Vec<&str> = row.split(separator).map(|field| field.trim().trim_matches('"')).collect();
+        let fields = fields_of(row, separator)?;
         let number = fields.get(self.number)?.parse().ok()?;
         let color = match (self.parts, self.color.and_then(|at| fields.get(at))) {
             (Some(parts), _) => {
                 let part = |i: usize| fields.get(parts[i])?.parse::<u8>().ok();
                 Some([part(0)?, part(1)?, part(2)?])
             }
-            (None, Some(color)) if !color.is_empty() && *color != "n/a" => Some(text::color(color).ok()?),
+            (None, Some(color)) if !color.is_empty() && color != "n/a" => Some(text::color(color).ok()?),
             _ => None,
         };
-        Some(LabelName { number, name: (*fields.get(self.name)?).to_owned(), color })
+        Some(LabelName { number, name: fields.get(self.name)?.clone(), color })
     }
 }
 
@@ -261,6 +289,10 @@ mod tests {
                 "LabelValue,Name,Color_R,Color_G,Color_B,Color_A\n1,left lung,255,0,0,255\n7,rib,0,0,254,255\n",
             ),
             (
+                "b.csv",
+                "LabelValue,\"Name\",Remark,Color\n7, \"rib\" ,\"\"\"a\"\", b\",#0000fe\n1,\"left lung\",\"1,2\",red\n",
+            ),
+            (
                 "a.txt",
                 "# ITK-SNAP\n 0 0 0 0 0 0 0 \"Clear Label\"\n 1 255 0 0 1 1 1 \"left lung\"\n 7 0 0 254 0.5 1 0 \"rib\"\n",
             ),
@@ -279,6 +311,7 @@ mod tests {
             ("index\tname\n1\ta\n1\tb\n", "label 1 twice"),
             ("index\tname\tcolor\n1\ta\treddish\n", "line 2"),
             ("1 a 1 2\n", "line 1"),
+            ("index,name\n7,\"rib\n", "line 2"),
             ("1 255 0 0 1 1 1 \"a\n", "line 1"),
             ("65536 a 1 2 3 0\n", "line 1"),
             ("liver\n", "line 1"),
@@ -299,6 +332,10 @@ mod tests {
             assert!(said.contains(words) && said.contains("w.txt"), "{text}: {said}");
         }
         assert!(read_label_names(&folder.path().join("absent.txt"), false).is_err());
+        let latin = folder.path().join("latin.csv");
+        std::fs::write(&latin, b"index,name\n1,lung\n7,\xe9paule\n").unwrap();
+        let said = read_label_names(&latin, false).unwrap_err().to_string();
+        assert!(said.contains("latin.csv: line 3 is not text in UTF-8"), "{said}");
         let path = folder.path().join("coded.json");
         let table = r#"{"segmentAttributes": [[{"labelID": 7, "SegmentLabel": "his kidney", "SegmentedPropertyTypeCodeSequence": {"CodeMeaning": "Kidney"}, "SegmentedPropertyTypeModifierCodeSequence": {"CodeMeaning": "Right"}}]]}"#;
         std::fs::write(&path, table).unwrap();

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::platform::{OsStrExt, PositionalFile, below, open_files_limit};
 
-use super::natural::natural_cmp;
+use super::natural::Meaning;
 
 /// Most files that the volumes of a process keep open together; the rest is opened for each read.
 const MAX_OPEN: usize = 1024;
@@ -66,10 +66,19 @@ impl FileList {
     /// Indices in natural order of the names.
     pub(crate) fn natural_order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.len()).collect();
-        crate::order::by(&mut order, |a, b| {
-            natural_cmp(self.name(*a).as_os_str().as_bytes(), self.name(*b).as_os_str().as_bytes())
-        });
+        let meaning = self.meaning();
+        crate::order::by(&mut order, |a, b| meaning.compare(self.bytes(*a), self.bytes(*b)));
         order
+    }
+
+    /// The meaning of signs and points in the names.
+    pub(super) fn meaning(&self) -> Meaning {
+        Meaning::of((0..self.len()).map(|index| self.bytes(index)))
+    }
+
+    /// Bytes of a name.
+    pub(super) fn bytes(&self, index: usize) -> &[u8] {
+        self.name(index).as_os_str().as_bytes()
     }
 
     /// The listed files only, in the listed order.

@@ -85,9 +85,10 @@ impl Once {
         Self { fields, seen: 0 }
     }
 
-    /// Refuses a field that was stated before.
+    /// Refuses a field that was stated before; blanks in its name do not count.
     pub(super) fn check(&mut self, field: &str) -> Result<(), Fault> {
-        let Some(at) = self.fields.iter().position(|known| *known == field) else { return Ok(()) };
+        let same = |known: &&str| known.chars().filter(|c| *c != ' ').eq(field.chars().filter(|c| *c != ' '));
+        let Some(at) = self.fields.iter().position(same) else { return Ok(()) };
         let bit = 1 << at;
         if self.seen & bit != 0 {
             return Err(bad!("its header states `{}` twice; remove the wrong line", self.fields[at]));
@@ -276,6 +277,18 @@ pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), Fault> {
     }
     list.push(&data_name(name)?);
     Ok(())
+}
+
+/// True for `LIST`, which names of data files follow, one a line; the dimension of a file may follow it (`LIST 2D`).
+pub(super) fn is_list(field: &str, value: &str) -> Result<bool, Fault> {
+    let mut words = value.split_whitespace();
+    if !words.next().is_some_and(|word| word.eq_ignore_ascii_case("list")) {
+        return Ok(false);
+    }
+    if let Some(dimension) = words.next() {
+        number::<u64>(field, dimension.strip_suffix(['d', 'D']).unwrap_or(dimension))?;
+    }
+    Ok(true)
 }
 
 /// File names from a pattern such as `slice%03d.raw`, for numbers from `first` to `last`; `most` at most.

@@ -8,8 +8,8 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
-    Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
-    unit_mm, unreadable, unusable, wrong_count,
+    Lines, Once, check_links, files_beside, is_list, listed, not_a_field, number, numbered, numbers, sweep,
+    text, unit_mm, unreadable, unusable, wrong_count,
 };
 use super::payload::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::fault::{Fault, bad};
@@ -105,7 +105,7 @@ impl Header {
             let (key, value) = (key.trim().to_lowercase(), value.trim());
             if key == "elementdatafile" {
                 header.data = value.to_owned();
-                if value.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list")) {
+                if is_list("ElementDataFile", value).map_err(|fault| unusable(path, fault))? {
                     while let Some(name) = next(&mut lines)? {
                         let name = text(&name);
                         if !name.is_empty() {

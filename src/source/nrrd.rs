@@ -15,8 +15,8 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::{FileList, base_name};
 use super::header::{
-    Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
-    unreadable, unusable,
+    Lines, Once, check_links, files_beside, is_list, listed, not_a_field, number, numbered, numbers, sweep,
+    text, unreadable, unusable,
 };
 use super::payload::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::fault::{Fault, bad};
@@ -31,7 +31,7 @@ use segments::Segments;
 const MAX_AXES: usize = 16;
 
 /// Fields that state the type and location of the samples.
-const ONCE: [&str; 16] = [
+const ONCE: [&str; 20] = [
     "type",
     "encoding",
     "endian",
@@ -48,6 +48,10 @@ const ONCE: [&str; 16] = [
     "axis mins",
     "axis maxs",
     "kinds",
+    "centers",
+    "centerings",
+    "space dimension",
+    "data file",
 ];
 
 /// True for an NRRD header.
@@ -150,9 +154,12 @@ impl Header {
                 header.placed_one_by_one |= field.starts_with("seq_frame") && field.ends_with("transform");
                 continue;
             }
-            if matches!(field.as_str(), "data file" | "datafile") {
-                let first = value.split_whitespace().next();
-                if first == Some("LIST") {
+            if let Err(fault) = once.check(&field) {
+                wrong.get_or_insert(fault);
+            } else if matches!(field.as_str(), "data file" | "datafile") {
+                if value.starts_with("LIST")
+                    && is_list(&field, value).map_err(|fault| unusable(path, fault))?
+                {
                     let mut list = files_beside(path);
                     while let Some(name) = next(&mut lines)? {
                         let name = text(&name);
@@ -164,8 +171,6 @@ impl Header {
                     break;
                 }
                 header.data = Some(data_file(path, value).map_err(|fault| unusable(path, fault))?);
-            } else if let Err(fault) = once.check(&field) {
-                wrong.get_or_insert(fault);
             } else if let Err(fault) = header.field(&field, value) {
                 wrong.get_or_insert(fault);
             }
@@ -275,10 +280,11 @@ impl Header {
         }
         let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
         let segments = std::mem::take(&mut self.segments);
+        notes.extend(segments.note());
         let (labels, layers) = match order {
-            None => (segments.labels(), None),
+            None => (segments.labels()?, None),
             Some(order) => {
-                let layers = layout.join(order, segments, options.masks.unwrap_or_default());
+                let layers = layout.join(order, segments, options.masks.unwrap_or_default())?;
                 (layers.labels.clone(), Some(layers))
             }
         };
@@ -456,12 +462,12 @@ impl Layout {
 
 impl Layout {
     /// Makes the layers, which are volumes so far, parts of one.
-    fn join(&mut self, order: Order, segments: Segments, overlap: Overlap) -> Layers {
+    fn join(&mut self, order: Order, segments: Segments, overlap: Overlap) -> Result<Layers, Fault> {
         let count = std::mem::replace(&mut self.volumes, 1);
         let side = &mut self.size[order.axis()];
         *side = side.saturating_mul(count);
-        let (labels, segments) = segments.layered();
-        Layers { count, order, labels, segments, overlap }
+        let (labels, segments) = segments.layered()?;
+        Ok(Layers { count, order, labels, segments, overlap })
     }
 }
 

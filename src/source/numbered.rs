@@ -3,24 +3,30 @@
 //! Names that differ in numbers only (`ct_007.png`, `ct_8.png`) are numbered alike. Where the numbers of three or more
 //! such files go on by the same step most of the time, numbers between them are missing: a gap, to be refused, filled
 //! or kept like the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
+//!
+//! Files of other names among them are another stack, to be refused, or one picture that is left out.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::GapPolicy;
 use super::files::FileList;
+use super::header::unusable;
+use super::natural::{MAX_SETS, Meaning, Number, Piece, decimals, integers, pieces};
 use super::stable_hash::StableHash;
 use crate::fault::{Fault, FaultKind, bad};
-use crate::platform::OsStrExt;
 use crate::text::names::GAPS;
 use crate::text::{Count, shown};
-use crate::volume::{GapFill, InfoOverride, Note, VolumeSource};
+use crate::volume::{GapFill, InfoOverride, Note, Result, VolumeSource};
 
 /// Most numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
 
 /// Most digits of a number that may count slices.
 const MAX_DIGITS: usize = 15;
+
+/// Most digits of a fraction, and of the number before it.
+const MAX_DECIMALS: usize = 6;
 
 /// Most slices made for each existing one: more would be a picture of the interpolation.
 const MAX_MADE: u64 = 10;
@@ -60,124 +66,308 @@ impl fmt::Display for NumberGaps {
 }
 
 /// Treatment of the slices of a stack.
-#[derive(Debug, PartialEq)]
-pub(super) enum Order {
-    /// The files one after the other.
-    AsTheyAre(Option<Note>),
-    /// Part of the way from this file to the next; 0 is the file itself.
-    Filled(Vec<(u32, f64)>, Note),
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Order {
+    /// Part of the way from this file to the next, and a note of it; 0 is the file itself. Without them the files follow
+    /// one after the other.
+    filled: Option<(Vec<(u32, f64)>, Note)>,
+    note: Option<Note>,
+    /// A note on a file of another name.
+    other: Option<Note>,
 }
 
 impl Order {
     /// The volume in the order of its files, with made slices between them.
     pub(super) fn apply(self, volume: Box<dyn VolumeSource>) -> Box<dyn VolumeSource> {
-        match self {
-            Self::AsTheyAre(note) => match note {
-                Some(note) => InfoOverride::with_note(volume, note),
-                None => volume,
-            },
-            Self::Filled(places, note) => GapFill::between(volume, places, note),
-        }
+        let volume = match self.filled {
+            Some((places, note)) => GapFill::between(volume, places, note),
+            None => volume,
+        };
+        self.note.into_iter().chain(self.other).fold(volume, InfoOverride::with_note)
     }
 }
 
-/// A name with its numbers taken out, as a hash; and the numbers.
-fn parts(name: &Path) -> (u64, [Option<u64>; FIELDS]) {
-    let mut hash = StableHash::new();
-    let mut fields = [None; FIELDS];
-    let mut free = fields.iter_mut();
-    for run in name.as_os_str().as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()) {
-        let significant = run.iter().position(|digit| *digit != b'0').map_or(0, |at| run.len() - at);
-        let number = std::str::from_utf8(run).ok().and_then(|digits| digits.parse::<u64>().ok());
-        match number.filter(|_| significant <= MAX_DIGITS).and_then(|number| Some((free.next()?, number))) {
-            Some((slot, number)) => {
-                *slot = Some(number);
-                hash = hash.number(1);
+/// A name with its numbers taken out, and these.
+struct Parts {
+    /// Hash of the text; the case of letters does not count.
+    template: u64,
+    numbers: [Option<i64>; FIELDS],
+    /// Number of a channel, as in `z000_c1`.
+    channel: Option<usize>,
+}
+
+impl Parts {
+    fn of(name: &[u8], meaning: Meaning) -> Self {
+        let mut hash = StableHash::new();
+        let mut numbers = [None; FIELDS];
+        let (mut at, mut used, mut channel) = (0, 0, None);
+        let mut before: &[u8] = &[];
+        for piece in pieces(name) {
+            let number = match piece {
+                Piece::Text(text) => {
+                    before = text;
+                    hash = hash.part(&text.to_ascii_lowercase());
+                    continue;
+                }
+                Piece::Number(number) => number,
+            };
+            if is_channel(before) {
+                channel = Some(used);
             }
-            None => hash = hash.part(run),
+            before = &[];
+            let (read, text) = values(number, at, meaning);
+            at += 1;
+            hash = hash.part(&text);
+            for (digits, value) in read.into_iter().flatten() {
+                match value.and_then(|value| Some((numbers.get_mut(used)?, value))) {
+                    Some((slot, value)) => {
+                        *slot = Some(value);
+                        used += 1;
+                        hash = hash.number(1);
+                    }
+                    None => hash = hash.part(digits),
+                }
+            }
         }
+        Self { template: hash.finish(), numbers, channel }
     }
-    (hash.finish(), fields)
+}
+
+/// True for text that ends in the name of a channel.
+fn is_channel(text: &[u8]) -> bool {
+    let start = text.iter().rposition(|c| !c.is_ascii_alphabetic()).map_or(0, |at| at + 1);
+    let word = &text[start..];
+    ["c", "ch", "chan", "channel"].iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes()))
+}
+
+/// Digits, and their value where they may count slices.
+type Digits<'a> = (&'a [u8], Option<i64>);
+
+/// The one or two numbers behind a text, and their signs and points that are text.
+fn values(number: Number<'_>, at: u32, meaning: Meaning) -> ([Option<Digits<'_>>; 2], Vec<u8>) {
+    let is_signed = meaning.is_signed(at);
+    let own_sign = if is_signed && number.sign == Some(b'-') { -1 } else { 1 };
+    let mut text: Vec<u8> = number.sign.into_iter().filter(|_| !is_signed).collect();
+    let value = |digits: &[u8], most: usize| {
+        let significant = digits.iter().position(|digit| *digit != b'0').map_or(0, |at| digits.len() - at);
+        let read = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<i64>().ok());
+        read.filter(|_| significant <= most)
+    };
+    let fraction = number.fraction.unwrap_or_default();
+    if meaning.is_decimal(at) {
+        let missing = MAX_DECIMALS.checked_sub(fraction.len());
+        let scaled = missing.and_then(|missing| {
+            let below = if fraction.is_empty() { 0 } else { value(fraction, MAX_DECIMALS)? };
+            let below = below * 10_i64.pow(u32::try_from(missing).ok()?);
+            Some(value(number.whole, MAX_DECIMALS)? * 10_i64.pow(MAX_DECIMALS as u32) + below)
+        });
+        return ([Some((number.whole, scaled.map(|scaled| own_sign * scaled))), None], text);
+    }
+    text.extend(number.fraction.map(|_| b'.'));
+    let whole = value(number.whole, MAX_DIGITS).map(|value| own_sign * value);
+    let behind = number.fraction.map(|digits| (digits, value(digits, MAX_DIGITS)));
+    ([Some((number.whole, whole)), behind], text)
 }
 
 /// Files that are numbered alike.
 struct Set {
     template: u64,
-    first: [Option<u64>; FIELDS],
+    /// Index of the first file.
+    at: usize,
+    first: [Option<i64>; FIELDS],
     /// True for each number that differs from the first file's.
     varies: [bool; FIELDS],
+    /// The first file of another channel, where another number varies, too.
+    other_channel: Option<usize>,
     files: usize,
 }
 
-/// Most sets that are distinguished; folders have one or two.
-const MAX_SETS: usize = 64;
-
-fn sets(list: &FileList) -> Vec<Set> {
+fn sets(list: &FileList, meaning: Meaning) -> Vec<Set> {
     let mut sets: Vec<Set> = Vec::new();
     for index in 0..list.len() {
-        let (template, fields) = parts(list.name(index));
+        let Parts { template, numbers, channel } = Parts::of(list.bytes(index), meaning);
         let full = sets.len() == MAX_SETS;
         match sets.iter_mut().find(|set| set.template == template) {
             Some(set) => {
                 set.files += 1;
-                for (varies, (a, b)) in set.varies.iter_mut().zip(set.first.iter().zip(&fields)) {
+                for (varies, (a, b)) in set.varies.iter_mut().zip(set.first.iter().zip(&numbers)) {
                     *varies |= a != b;
                 }
+                if channel.is_some_and(|at| set.first.get(at) != numbers.get(at)) {
+                    set.other_channel.get_or_insert(index);
+                }
             }
-            None if !full => {
-                sets.push(Set { template, first: fields, varies: [false; FIELDS], files: 1 });
-            }
+            None if !full => sets.push(Set {
+                template,
+                at: index,
+                first: numbers,
+                varies: [false; FIELDS],
+                other_channel: None,
+                files: 1,
+            }),
             None => {}
         }
+    }
+    for set in &mut sets {
+        set.other_channel = set.other_channel.filter(|_| !set.is_single());
     }
     sets
 }
 
-/// Judges the numbers of files, which are in natural order.
+/// Judges the names of files, which are in natural order. Returns the files of the stack, too, which may lack one of
+/// another name.
 ///
 /// Memory: 16 bytes a file meanwhile.
 ///
 /// # Errors
-/// Numbers are missing and the policy is to refuse that, the gaps cannot be filled, or files of two names count the same
-/// slices.
-pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, Fault> {
-    let sets = sets(list);
-    refuse_two_stacks(list, &sets)?;
+/// Numbers are missing and the policy is to refuse that, the gaps cannot be filled, the files are two stacks, or their
+/// order cannot be decided.
+pub(super) fn judge(list: FileList, policy: GapPolicy) -> Result<(FileList, Order)> {
+    let first = list.path(0);
+    let folder = first.parent().filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let meaning = list.meaning();
+    let mut sets = sets(&list, meaning);
+    let other = other_file(&list, &sets, meaning).map_err(|fault| unusable(folder, fault))?;
+    let (list, note) = match other {
+        None => (list, None),
+        Some(other) => {
+            let name = shown(list.name(other.index)).to_string();
+            if other.is_first {
+                (list, Some(Note::new(format!("{name} is taken as the first slice, by its name"))))
+            } else {
+                let rest = list.select((0..list.len()).filter(|index| *index != other.index));
+                let count = Count(rest.len(), "file");
+                let note = format!("{name} is left out: its name is unlike the names of the other {count}");
+                sets = self::sets(&rest, meaning);
+                (rest, Some(Note::new(note)))
+            }
+        }
+    };
+    undecided(&list, meaning).map_err(|fault| unusable(folder, fault))?;
+    let order = judge_gaps(&list, &sets, policy, meaning).map_err(|fault| unusable(&list.path(0), fault))?;
+    Ok((list, Order { other: note, ..order }))
+}
+
+fn judge_gaps(list: &FileList, sets: &[Set], policy: GapPolicy, meaning: Meaning) -> Result<Order, Fault> {
     let mut found = None;
     for set in sets.iter().filter(|set| set.files > 2) {
-        if let Some(gaps) = set.gaps(list, sets.len() == 1)? {
+        if let Some(gaps) = set.gaps(list, sets.len() == 1, meaning)? {
             found = Some((set, gaps));
             break;
         }
     }
-    let Some((set, gaps)) = found else { return Ok(Order::AsTheyAre(None)) };
+    let Some((set, gaps)) = found else { return Ok(Order::default()) };
     match policy {
         GapPolicy::Error => Err(refusal(&gaps)),
-        GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::new(format!(
-            "{gaps}; the files are taken as evenly spaced slices"
-        ))))),
-        GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
+        GapPolicy::Keep => {
+            let note = Note::new(format!("{gaps}; the files are taken as evenly spaced slices"));
+            Ok(Order { note: Some(note), ..Order::default() })
+        }
+        GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps, meaning),
         GapPolicy::Fill => Err(refusal(&gaps)),
     }
 }
 
-/// Refuses files of two names whose numbers overlap, such as images and their masks: they are two stacks.
-fn refuse_two_stacks(list: &FileList, sets: &[Set]) -> Result<(), Fault> {
-    let mut before: Vec<[(u64, u32); 2]> = Vec::new();
-    for set in sets.iter().filter(|set| set.files > 2) {
-        let numbers = set.numbers(list).unwrap_or_default();
+/// A file whose name is unlike the others'.
+struct Other {
+    index: usize,
+    /// True if its name is theirs without a number, and their numbers begin behind 0: `a.png` before `a (2).png`.
+    is_first: bool,
+}
+
+/// The file whose name is unlike the others'. Refuses several stacks: several such files, names whose numbers overlap,
+/// such as images and their masks, and channels.
+fn other_file(list: &FileList, sets: &[Set], meaning: Meaning) -> Result<Option<Other>, Fault> {
+    let large = || sets.iter().filter(|set| set.files > 2);
+    let Some(main) = large().next() else { return Ok(None) };
+    let mut before: Vec<[(i64, u32); 2]> = Vec::new();
+    for set in large() {
+        if let Some(other) = set.other_channel {
+            return Err(two_stacks(list, set.at, other));
+        }
+        let numbers = set.numbers(list, meaning).unwrap_or_default();
         let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { continue };
         if let Some([other, _]) = before.iter().find(|[from, to]| first.0 <= to.0 && from.0 <= last.0) {
-            let [a, b] = [other, first].map(|(_, index)| list.name(*index as usize).to_path_buf());
-            return Err(bad!(
-                "holds two stacks, one with {} and one with {}; move one of them into a folder of its own",
-                shown(&a),
-                shown(&b)
-            ));
+            return Err(two_stacks(list, other.1 as usize, first.1 as usize));
         }
         before.push([*first, *last]);
     }
-    Ok(())
+    let is_other = |index: &usize| {
+        let own = Parts::of(list.bytes(*index), meaning).template;
+        large().all(|set| set.template != own)
+    };
+    let mut others = (0..list.len()).filter(is_other);
+    let Some(index) = others.next() else { return Ok(None) };
+    if others.next().is_some() {
+        return Err(two_stacks(list, main.at, index));
+    }
+    let text = |index: usize| {
+        let mut text = Vec::new();
+        for piece in pieces(list.bytes(index)) {
+            let Piece::Text(piece) = piece else { continue };
+            text.extend(piece.iter().filter(|c| c.is_ascii_alphanumeric() || !c.is_ascii()));
+        }
+        text.make_ascii_lowercase();
+        text
+    };
+    let starts_behind_0 = before.first().is_some_and(|[first, _]| first.0 > 0);
+    Ok(Some(Other { index, is_first: starts_behind_0 && text(index) == text(main.at) }))
+}
+
+fn two_stacks(list: &FileList, a: usize, b: usize) -> Fault {
+    bad!(
+        "holds two stacks, one with {} and one with {}; move one of them into a folder of its own",
+        shown(list.name(a)),
+        shown(list.name(b))
+    )
+}
+
+/// Refuses names whose digits behind a point have one order as fractions and another as numbers, and hexadecimal numbers.
+fn undecided(list: &FileList, meaning: Meaning) -> Result<(), Fault> {
+    let (mut pairs, mut counted, mut first) = (0, 0, None);
+    for index in 1..list.len() {
+        let names = [index - 1, index].map(|index| list.bytes(index).to_ascii_lowercase());
+        let template = |name: &[u8]| Parts::of(name, meaning).template;
+        if names[0].len() == names[1].len()
+            && names[0] > names[1]
+            && template(&names[0]) != template(&names[1])
+        {
+            return Err(bad!(
+                "holds {} and {}, whose order is one by numbers and another by letters; number the files by decimal numbers",
+                shown(list.name(index - 1)),
+                shown(list.name(index))
+            ));
+        }
+        let [a, b] = [index - 1, index].map(|index| {
+            pieces(list.bytes(index)).filter_map(|piece| match piece {
+                Piece::Number(number) => Some(number),
+                Piece::Text(_) => None,
+            })
+        });
+        // The last number with a point, of names that are the same before it.
+        let is_whole = |a: &Number<'_>, b: &Number<'_>| integers(a.whole, b.whole).is_eq();
+        let differs = (0..).zip(a.zip(b)).find(|(_, (a, b))| !is_whole(a, b) || a.fraction != b.fraction);
+        let Some((at, (a, b))) = differs.filter(|(_, (a, b))| is_whole(a, b)) else { continue };
+        let (Some(a), Some(b)) = (a.fraction, b.fraction) else { continue };
+        if meaning.is_decimal(at) {
+            continue;
+        }
+        pairs += 1;
+        let value = |digits: &[u8]| std::str::from_utf8(digits).ok()?.parse::<u64>().ok();
+        if value(a).and_then(|a| a.checked_add(1)) == value(b) {
+            counted += 1;
+        } else if integers(a, b) != decimals(a, b) {
+            first.get_or_insert(index);
+        }
+    }
+    match first.filter(|_| 2 * counted < pairs) {
+        Some(index) => Err(bad!(
+            "holds {} and {}, whose order is one by numbers and another by decimals; give the decimals of all files as many digits",
+            shown(list.name(index - 1)),
+            shown(list.name(index))
+        )),
+        None => Ok(()),
+    }
 }
 
 fn refusal(gaps: &NumberGaps) -> Fault {
@@ -200,16 +390,26 @@ fn usual(steps: &[u64]) -> (u64, usize) {
     best
 }
 
+/// The steps between sorted numbers.
+fn steps_of(numbers: &[(i64, u32)]) -> Vec<u64> {
+    numbers.windows(2).map(|pair| pair[1].0.abs_diff(pair[0].0)).collect()
+}
+
 impl Set {
+    /// True if one number of the names varies.
+    fn is_single(&self) -> bool {
+        self.varies.iter().filter(|varies| **varies).count() == 1
+    }
+
     /// The files of the set with their numbers, in the order of these; `None` if no number of the names can be the
     /// slice's.
-    fn numbers(&self, list: &FileList) -> Option<Vec<(u64, u32)>> {
+    fn numbers(&self, list: &FileList, meaning: Meaning) -> Option<Vec<(i64, u32)>> {
         let field = self.varies.iter().position(|varies| *varies)?;
         let mut numbers = Vec::with_capacity(self.files);
         for index in 0..list.len() {
-            let (template, fields) = parts(list.name(index));
-            if template == self.template {
-                numbers.push((fields.get(field).copied().flatten()?, u32::try_from(index).ok()?));
+            let own = Parts::of(list.bytes(index), meaning);
+            if own.template == self.template {
+                numbers.push((own.numbers.get(field).copied().flatten()?, u32::try_from(index).ok()?));
             }
         }
         numbers.sort_unstable();
@@ -217,14 +417,14 @@ impl Set {
     }
 
     /// The gaps, if there are any.
-    fn gaps(&self, list: &FileList, alone: bool) -> Result<Option<NumberGaps>, Fault> {
-        let Some(numbers) = self.numbers(list) else { return Ok(None) };
-        let single = self.varies.iter().filter(|varies| **varies).count() == 1;
+    fn gaps(&self, list: &FileList, alone: bool, meaning: Meaning) -> Result<Option<NumberGaps>, Fault> {
+        let Some(numbers) = self.numbers(list, meaning) else { return Ok(None) };
+        let single = self.is_single();
         let files = |at: usize| {
             let name = |at: usize| numbers.get(at).map(|(_, i)| list.name(*i as usize).to_path_buf());
             [at, at + 1].map(|at| name(at).unwrap_or_default())
         };
-        let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        let steps = steps_of(&numbers);
         if let Some(at) = steps.iter().position(|step| *step == 0) {
             // Another of several numbers in a name may distinguish the files.
             if !single {
@@ -257,9 +457,9 @@ impl Set {
     }
 
     /// A slice for each number from the first to the last.
-    fn fill(&self, list: &FileList, gaps: NumberGaps) -> Result<Order, Fault> {
-        let numbers = self.numbers(list).unwrap_or_default();
-        let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    fn fill(&self, list: &FileList, gaps: NumberGaps, meaning: Meaning) -> Result<Order, Fault> {
+        let numbers = self.numbers(list, meaning).unwrap_or_default();
+        let steps = steps_of(&numbers);
         let (step, _) = usual(&steps);
         let slices = steps.iter().map(|own| own / step).sum::<u64>() + 1;
         if slices > MAX_MADE * numbers.len() as u64 {
@@ -283,7 +483,7 @@ impl Set {
             shown(a),
             shown(b)
         ));
-        Ok(Order::Filled(places, note))
+        Ok(Order { filled: Some((places, note)), ..Order::default() })
     }
 }
 
@@ -299,15 +499,18 @@ mod tests {
     }
 
     fn missing(names: &[&str]) -> Option<Option<u64>> {
-        let list = list(names);
-        let sets = sets(&list);
-        let gaps =
-            sets.iter().filter(|set| set.files > 2).find_map(|set| set.gaps(&list, sets.len() == 1).unwrap());
-        match judge(&list, GapPolicy::Error) {
-            Ok(order) => assert!(order == Order::AsTheyAre(None) && gaps.is_none()),
-            Err(fault) => assert_eq!(fault.kind, FaultKind::Gaps),
-        }
-        gaps.map(|gaps| gaps.missing)
+        let sentence = match judge(list(names), GapPolicy::Error) {
+            Ok((_, order)) => {
+                assert!(order.filled.is_none() && order.note.is_none(), "{order:?}");
+                return None;
+            }
+            Err(error) => error.to_string(),
+        };
+        let Some((_, behind)) = sentence.split_once("probably missing: ") else {
+            assert!(sentence.contains("do not follow each other evenly"), "{sentence}");
+            return Some(None);
+        };
+        Some(behind.split(' ').next().and_then(|count| count.parse().ok()))
     }
 
     #[test]
@@ -323,7 +526,12 @@ mod tests {
             &["12-01-33", "12-03-10", "12-04-51", "12-09-02"],
             &["20190101123059999999999", "20190101123100000000000", "20190101123200000000000"],
             // The second number orders them.
-            &["c1z1", "c1z2", "c2z1", "c2z2"],
+            &["b1z1", "b1z2", "b2z1", "b2z2"],
+            &["z-2", "z-1", "z0", "z1"],
+            &["z9", "z9.25", "z9.5", "z9.75", "z10"],
+            &["S1.tif", "s2.tiff", "S3.TIF", "s4.tif"],
+            &["scan-1", "scan-2", "scan-3"],
+            &["v1.8", "v1.9", "v1.10", "v1.11"],
         ] {
             assert_eq!(missing(whole), None, "{whole:?}");
         }
@@ -333,38 +541,62 @@ mod tests {
         assert_eq!(missing(&["s2", "s4", "s6", "s10", "s12"]), Some(Some(1)));
         assert_eq!(missing(&["s10", "s20", "s30", "s45"]), Some(None));
         assert_eq!(missing(&["cover", "s1", "s2", "s4", "s5"]), Some(Some(1)));
+        assert_eq!(missing(&["z-3", "z-2", "z0", "z1"]), Some(Some(1)));
         // A position in the name changes along with the number.
         let placed = ["s1_0.5mm", "s2_1.0mm", "s3_1.5mm", "s5_2.5mm", "s6_3.0mm", "s7_3.5mm"];
         assert_eq!(missing(&placed), Some(Some(1)));
-        let repeated = judge(&list(&["s1", "s01", "s2"]), GapPolicy::Keep);
-        let fault = repeated.unwrap_err();
-        assert!(fault.kind == FaultKind::Damage && fault.text.contains("same number"), "{fault}");
+        let fault = judge(list(&["s1", "s01", "s2"]), GapPolicy::Keep).unwrap_err().to_string();
+        assert!(fault.contains("same number"), "{fault}");
     }
 
     #[test]
-    fn files_of_two_names_that_count_the_same_slices_are_two_stacks() {
+    fn two_stacks_are_refused_and_one_other_picture_is_left_out() {
         for policy in [GapPolicy::Error, GapPolicy::Keep, GapPolicy::Fill] {
-            let two = list(&["img_1", "img_2", "img_3", "mask_2", "mask_3", "mask_4"]);
-            let Err(refused) = judge(&two, policy) else { panic!("{policy:?}") };
-            assert!(refused.text.contains("img_1") && refused.text.contains("mask_2"), "{refused}");
-            let one = list(&["a_1", "a_2", "a_3", "b_4", "b_5", "b_6", "cover"]);
-            assert!(judge(&one, policy).is_ok(), "{policy:?}");
+            for (names, words) in [
+                (
+                    &["img_1", "img_2", "img_3", "mask_2", "mask_3", "mask_4"][..],
+                    "folder: holds two stacks, one with img_1 and one with mask_2",
+                ),
+                (&["z0_c0", "z0_c1", "z1_c0", "z1_c1"], "one with z0_c0 and one with z0_c1"),
+                (&["c0_z0", "c0_z1", "C1_z0", "C1_z1"], "one with c0_z0 and one with C1_z0"),
+                (&["s1", "s2", "s3", "front", "side"], "one with s1 and one with front"),
+                (&["s8", "s9", "s10", "sa", "sb"], "one with s8 and one with sa"),
+                (&["z9.0", "z9.25", "z9.5"], "z9.5 and z9.25, whose order"),
+                (&["s08", "s09", "s0a", "s0b"], "s0b and s08, whose order"),
+            ] {
+                let refused = judge(list(names), policy).unwrap_err().to_string();
+                assert!(refused.contains(words), "{refused}");
+            }
+            for (names, count, words) in [
+                (&["a_1", "a_2", "a_3", "b_4", "b_5", "b_6"][..], 6, None),
+                (&["s1.tif", "s2.tif", "s3.tif", "cover.tif"], 3, Some("cover.tif is left out")),
+                (&["x__rec01", "x__rec02", "x__rec03", "x__rec_spr"], 3, Some("x__rec_spr is left out")),
+                (&["a00", "a01", "a02", "a"], 3, Some("a is left out")),
+                (&["a.png", "a (2).png", "a (3).png", "a (4).png"], 4, Some("a.png is taken as the first")),
+                (&["c1_1", "c1_2", "c1_3"], 3, None),
+            ] {
+                let (files, order) = judge(list(names), policy).unwrap();
+                assert_eq!(files.len(), count, "{names:?}");
+                let note = order.other.map(|note| note.to_string());
+                assert_eq!(note.is_some(), words.is_some(), "{note:?}");
+                assert!(words.is_none_or(|words| note.unwrap().contains(words)), "{names:?}");
+            }
         }
     }
 
     #[test]
     fn gaps_are_filled_where_the_numbers_say_how() {
         let files = list(&["s1", "s2", "s5", "s6"]);
-        let Ok(Order::Filled(places, _)) = judge(&files, GapPolicy::Fill) else { panic!("not filled") };
+        let (places, _) = judge(files, GapPolicy::Fill).unwrap().1.filled.unwrap();
         let third = 1.0 / 3.0;
         assert_eq!(places, [(0, 0.0), (1, 0.0), (1, third), (1, 2.0 * third), (2, 0.0), (3, 0.0)]);
-        assert!(matches!(judge(&files, GapPolicy::Keep), Ok(Order::AsTheyAre(Some(_)))));
+        assert!(judge(list(&["s1", "s2", "s5", "s6"]), GapPolicy::Keep).unwrap().1.note.is_some());
         for (names, why) in [
-            (&["cover", "s1", "s2", "s4"][..], "several sets"),
+            (&["a1", "a2", "a4", "b5", "b6", "b7"][..], "several sets"),
             (&["s10", "s20", "s30", "s45"], "no multiples"),
             (&["s1", "s2", "s900"], "too far"),
         ] {
-            assert!(judge(&list(names), GapPolicy::Fill).is_err(), "{why}");
+            assert!(judge(list(names), GapPolicy::Fill).is_err(), "{why}");
         }
     }
 }

@@ -43,8 +43,8 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 /// Opens pictures as the slices of one volume.
 pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let files = (0..list.len()).collect();
-    let order = judge(&list, options.gaps).map_err(|fault| unusable(&list.path(0), fault));
-    vec![Slices { files, volumes: order.and_then(|order| Ok(vec![order.apply(stack(list)?)])) }]
+    let judged = judge(list, options.gaps);
+    vec![Slices { files, volumes: judged.and_then(|(list, order)| Ok(vec![order.apply(stack(list)?)])) }]
 }
 
 fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {

@@ -394,6 +394,8 @@ fn inputs_that_cannot_be_measured_are_refused_with_a_remedy() {
     refused(&[&skin, &fine], 3, &["s.oct", "skin", "cells"]);
     refused(&[&leaves, &fine], 3, &["l.oct", "larger leaves"]);
     refused(&[&fine, &tilted], 3, &["t.oct", "right angles", "resample"]);
+    fs::write(stage.at("far.obj"), "v 0 0 0\nv 9e9 0 0\nv 0 9e9 0\nf 1 2 3\n").unwrap();
+    refused(&[&fine, &stage.at("far.obj")], 3, &["far.obj", "half as long as those of ACTUAL"]);
     // Headers say so, before either is built.
     refused(&[&fine, &cut], 3, &["v.nrrd", "bytes"]);
     for nominal in [&tilted, &lean] {

@@ -183,6 +183,12 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, Fault> {
             if !path.extension().is_some_and(|e| read.iter().any(|known| e.eq_ignore_ascii_case(known))) {
                 return Err(of.wrong("file"));
             }
+            if of.flag("center", None)? {
+                return Err(bad!(
+                    "{}import(center = true) is not read; move the part by translate, and leave center out",
+                    At(of.line)
+                ));
+            }
             Shape::Mesh { path }
         }
         "volume" => {
@@ -270,6 +276,11 @@ pub(super) fn doubled(of: &Arguments) -> Option<String> {
     let is_given = |name, place| of.value(name, place).is_some();
     let (d, r, _) = pairs.iter().find(|(d, r, place)| is_given(*d, None) && is_given(*r, *place))?;
     Some(format!("{}{} has both {d} and {r}; {d} is used, as in OpenSCAD", At(of.line), of.module))
+}
+
+/// The note of children of a solid.
+pub(super) fn childless(of: &Arguments) -> String {
+    format!("{}{} has children, which are left out, as in OpenSCAD", At(of.line), of.module)
 }
 
 /// A radius, or half of a diameter.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Stop;
 use super::lexer::{Lexer, Token};
-use super::modules::{Block, Meaning, doubled, made_bytes, meaning};
+use super::modules::{Block, Meaning, childless, doubled, made_bytes, meaning};
 use super::values::{Arguments, MAX_NAME};
 use crate::csg::fault::{At, expected, unsupported, variable};
 use crate::csg::tree::{NodeId, Operation, Tree, boxed, push};
@@ -181,6 +181,11 @@ impl Parser<'_> {
                     Token::Sign(b';') => self.close_singles(),
                     Token::Sign(b'{') => {
                         self.begin(union, extruded, line, true, facets);
+                        let next = self.lexer.next()?;
+                        if !left_out && !matches!(next, Token::Sign(b'}' | b';')) {
+                            self.tree.note(childless(&arguments));
+                        }
+                        self.pending = Some(next);
                         Ok(())
                     }
                     _ => Err(expected(self.lexer.line(), "; or { behind a module")),

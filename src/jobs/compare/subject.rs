@@ -10,6 +10,7 @@ use super::*;
 use crate::budget::Budget;
 use crate::clean::CleanOptions;
 use crate::csg::unmoved_volumes;
+use crate::fault::bad;
 use crate::format::MAGIC;
 use crate::measure::nearest::Space;
 use crate::mesh::GridChoice;
@@ -91,7 +92,17 @@ impl Input {
             output: &built,
             progress,
         };
-        let summary = convert(kind, &inputs, &OpenOptions::default(), &job)?;
+        let summary =
+            convert(kind, &inputs, &OpenOptions::default(), &job).map_err(|error| match edge_mm {
+                // The grid is ACTUAL's, not one of the caller's choice.
+                Some(edge) if error.to_string().contains(&GRID.to_string()) => bad!(
+                    "needs too large a grid on voxels of {} mm, half as long as those of ACTUAL; scale one of them to the other's unit, or make a model of it with `oct build`, and compare that",
+                    crate::text::Short(edge)
+                )
+                .at(path)
+                .into(),
+                _ => error,
+            })?;
         let model = Model::map(&built)?;
         let edge = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let mut warnings = summary.warnings;

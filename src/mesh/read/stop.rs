@@ -5,6 +5,9 @@ use crate::fault::{Fault, FaultKind, bad, conversions};
 use crate::text::shown;
 use crate::volume::SourceError;
 
+/// The note on faces that have a texture and no places in it.
+pub(super) const UNPLACED: &str = "has faces with a texture and without places in it (texture coordinates); they have the plain colour of their material";
+
 /// Takes the vertices of one triangle after the other.
 pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), Stop> + 'a;
 

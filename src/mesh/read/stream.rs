@@ -152,14 +152,29 @@ pub(super) struct Words<'a> {
     pub(super) cr_alone: bool,
     /// True if `#` begins a comment.
     pub(super) comments: bool,
+    /// True if a comment held colours of vertices, as ZBrush writes them.
+    pub(super) painted: bool,
 }
+
+/// Beginning of a comment that holds colours of vertices.
+const PAINT: &[u8] = b"#MRGB";
 
 impl<'a> Words<'a> {
     /// Words from an offset of a file on, which is in this line.
     pub(super) fn new(file: &'a PositionalFile, from: u64, line: u64) -> Self {
         let stream = Stream::new(file, from);
         let word = [0; WORD];
-        Self { stream, line, word, length: 0, longer: false, ended: false, cr_alone: false, comments: true }
+        Self {
+            stream,
+            line,
+            word,
+            length: 0,
+            longer: false,
+            ended: false,
+            cr_alone: false,
+            comments: true,
+            painted: false,
+        }
     }
 
     /// Words of a whole file, without the mark of its byte order.
@@ -173,7 +188,7 @@ impl<'a> Words<'a> {
     pub(super) fn next(&mut self) -> Result<Token, Stop> {
         self.length = 0;
         self.longer = false;
-        let mut comment = false;
+        let mut comment = 0;
         loop {
             let Some(byte) = self.stream.byte()? else {
                 return Ok(match (self.length, std::mem::replace(&mut self.ended, true)) {
@@ -200,10 +215,15 @@ impl<'a> Words<'a> {
                     self.stream.at -= 1;
                     return Ok(Token::Word);
                 }
-                _ if comment => {}
+                _ if comment > 0 => {
+                    if let Some(due) = PAINT.get(comment) {
+                        comment = if byte == *due { comment + 1 } else { PAINT.len() };
+                        self.painted |= byte == *due && comment == PAINT.len();
+                    }
+                }
                 b' ' | b'\t' | 0x0b | 0x0c if self.length == 0 => {}
                 b' ' | b'\t' | 0x0b | 0x0c => return Ok(Token::Word),
-                b'#' if self.length == 0 && self.comments => comment = true,
+                b'#' if self.length == 0 && self.comments => comment = 1,
                 _ if self.length < WORD => {
                     self.word[self.length] = byte;
                     self.length += 1;

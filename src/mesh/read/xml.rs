@@ -327,12 +327,30 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// The text up to the next tag, without blanks around it, and `most` bytes of it at most.
+    /// The text up to the next tag, without blanks around it and without comments, and `most` bytes of it at most.
     pub(super) fn content(&mut self, most: usize) -> Result<Vec<u8>, Stop> {
         let mut text = Vec::new();
         loop {
             match self.must()? {
-                b'<' => break,
+                b'<' => {
+                    if self.at == self.buffer.len() {
+                        if !self.fill()? {
+                            return Err(cut_short().into());
+                        }
+                        self.buffer.insert(0, b'<');
+                        self.at = 1;
+                    }
+                    if self.buffer.get(self.at) != Some(&b'!') {
+                        break;
+                    }
+                    self.must()?;
+                    match (self.must()?, self.must()?) {
+                        (b'-', b'-') => self.skip_past(b"-->")?,
+                        (b'[', b'C') => self.quoted(&mut text, most)?,
+                        _ => return Err(self.wrong()),
+                    }
+                }
+                blank if text.is_empty() && blank.is_ascii_whitespace() => {}
                 byte if text.len() < most => text.push(byte),
                 _ => {}
             }
@@ -340,6 +358,27 @@ impl<R: Read> Xml<R> {
         // The tag is read again as such.
         self.at -= 1;
         Ok(text.trim_ascii().to_vec())
+    }
+
+    /// Adds the text of a section `<![CDATA[...]]>` from its fifth byte on.
+    fn quoted(&mut self, text: &mut Vec<u8>, most: usize) -> Result<(), Stop> {
+        for byte in b"DATA[" {
+            if self.must()? != *byte {
+                return Err(self.wrong());
+            }
+        }
+        let (mut last, mut seen) = ([0_u8; 3], 0);
+        loop {
+            last = [last[1], last[2], self.must()?];
+            seen += 1;
+            if seen >= 3 && last == *b"]]>" {
+                return Ok(());
+            }
+            // Two bytes wait: they may begin the end.
+            if seen >= 3 && text.len() < most && !(text.is_empty() && last[0].is_ascii_whitespace()) {
+                text.push(last[0]);
+            }
+        }
     }
 
     #[inline]

@@ -3,9 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::fault::Fault;
+use crate::fault::{Fault, bad};
 use crate::source::header::{exactly, number};
-use crate::volume::StatedLabel;
+use crate::text::Count;
+use crate::volume::{Note, StatedLabel};
 
 /// Most segments that are taken: as many as numbers of labels.
 const MAX_SEGMENTS: usize = 1 << 16;
@@ -19,7 +20,12 @@ struct Segment {
     color: Option<[u8; 3]>,
     number: Option<u16>,
     layer: u64,
+    /// True for each key that was stated.
+    seen: [bool; KEYS.len()],
 }
+
+/// Keys of a segment that are read.
+const KEYS: [&str; 5] = ["name", "color", "labelvalue", "layer", "tags"];
 
 /// The segments of a header, by their places in it.
 #[derive(Debug, Default)]
@@ -27,6 +33,9 @@ pub(super) struct Segments {
     by_place: BTreeMap<u32, Segment>,
     /// True if the header declares a segmentation.
     is_stated: bool,
+    /// The first colour that is none, and the number of such.
+    wrong_color: Option<String>,
+    wrong_colors: usize,
 }
 
 /// A segment of several layers: its layer, its value there, and the number of its label.
@@ -36,24 +45,32 @@ impl Segments {
     /// Takes a pair, its key in lower case; pairs about other things are passed over.
     ///
     /// # Errors
-    /// The text of a number is not a number.
+    /// The text of a number is not a number, or the key was stated before.
     pub(super) fn pair(&mut self, key: &str, value: &str) -> Result<(), Fault> {
         self.is_stated |= key.starts_with("segmentation_");
         let Some((place, what)) = key.strip_prefix("segment").and_then(|rest| rest.split_once('_')) else {
             return Ok(());
         };
         let Ok(place) = place.parse() else { return Ok(()) };
-        if !matches!(what, "name" | "color" | "labelvalue" | "layer" | "tags")
-            || self.by_place.len() >= MAX_SEGMENTS && !self.by_place.contains_key(&place)
-        {
+        let Some(at) = KEYS.iter().position(|key| *key == what) else { return Ok(()) };
+        if self.by_place.len() >= MAX_SEGMENTS && !self.by_place.contains_key(&place) {
             return Ok(());
         }
         self.is_stated = true;
         let segment = self.by_place.entry(place).or_default();
+        if std::mem::replace(&mut segment.seen[at], true) {
+            return Err(bad!("its header states `{}` twice; remove the wrong line", key.escape_debug()));
+        }
         match what {
             "name" => value.clone_into(&mut segment.name),
             "tags" => segment.coded = meaning(value).unwrap_or_default(),
-            "color" => segment.color = color(exactly(key, value)?),
+            "color" => {
+                segment.color = color(exactly(key, value)?);
+                if segment.color.is_none() {
+                    self.wrong_color.get_or_insert_with(|| format!("`{value}` for {key}"));
+                    self.wrong_colors += 1;
+                }
+            }
             "layer" => segment.layer = number(key, value)?,
             _ => segment.number = Some(number(key, value)?).filter(|number| *number > 0),
         }
@@ -65,18 +82,36 @@ impl Segments {
         self.is_stated
     }
 
-    /// The segments that have a number, in its order; of several with one number the first.
-    pub(super) fn labels(self) -> Vec<StatedLabel> {
+    /// A note on colours that are none.
+    pub(super) fn note(&self) -> Option<Note> {
+        let first = self.wrong_color.as_ref()?;
+        Some(Note::new(format!(
+            "the header states {} outside 0 to 1, the first {}; labels without a colour take one of the program",
+            Count(self.wrong_colors, "colour"),
+            first.escape_debug()
+        )))
+    }
+
+    /// The segments that have a number, in its order.
+    ///
+    /// # Errors
+    /// Two of them have one number.
+    pub(super) fn labels(self) -> Result<Vec<StatedLabel>, Fault> {
         let mut labels: Vec<StatedLabel> =
             self.by_place.into_values().filter_map(|segment| Some(segment.label(segment.number?))).collect();
         crate::order::by_key(&mut labels, |label| label.number);
-        labels.dedup_by_key(|label| label.number);
-        labels
+        match labels.windows(2).find(|pair| pair[0].number == pair[1].number) {
+            Some([a, b]) => Err(shared(a, b, a.number)),
+            _ => Ok(labels),
+        }
     }
 
     /// The segments of several layers, whose values count within their layers: their labels, and where they are.
     /// Numbers are the values, unless two segments share one: then they count the segments from 1 on.
-    pub(super) fn layered(self) -> (Vec<StatedLabel>, Vec<Layered>) {
+    ///
+    /// # Errors
+    /// Two segments of one layer have one value.
+    pub(super) fn layered(self) -> Result<(Vec<StatedLabel>, Vec<Layered>), Fault> {
         let mut places: Vec<(Segment, u16)> =
             self.by_place.into_values().filter_map(|s| s.number.map(|value| (s, value))).collect();
         let mut values: Vec<u16> = places.iter().map(|(_, value)| *value).collect();
@@ -90,10 +125,26 @@ impl Segments {
             layered.push((segment.layer, value, number));
             labels.push(segment.label(number));
         }
-        crate::order::by_key(&mut labels, |label| label.number);
         layered.sort_unstable();
-        (labels, layered)
+        if let Some([a, b]) = layered.windows(2).find(|pair| (pair[0].0, pair[0].1) == (pair[1].0, pair[1].1))
+        {
+            let own = |number| labels.iter().find(|label| label.number == number);
+            if let (Some(first), Some(second)) = (own(a.2), own(b.2)) {
+                return Err(shared(first, second, a.1));
+            }
+        }
+        crate::order::by_key(&mut labels, |label| label.number);
+        Ok((labels, layered))
     }
+}
+
+/// The fault of segments with one value in one layer.
+fn shared(a: &StatedLabel, b: &StatedLabel, value: u16) -> Fault {
+    bad!(
+        "its header gives the value {value} to the segments `{}` and `{}` of one layer; save the segmentation again",
+        a.name.escape_debug(),
+        b.name.escape_debug()
+    )
 }
 
 impl Segment {
@@ -149,10 +200,23 @@ mod tests {
             ("segment2_name", "liver"),
             ("segment3_name", "without a number"),
             ("segment4_labelvalue", "0"),
-            ("segment5_labelvalue", "7"),
             ("segmentation_masterrepresentation", "Binary labelmap"),
             ("segmentx_name", "no"),
         ]);
+        let note = found.note().unwrap().to_string();
+        assert!(
+            note.contains("states 1 colour outside") && note.contains("`0.5 1 2` for segment10_color"),
+            "{note}"
+        );
+        let twice = [("segment2_labelvalue", "7"), ("segment5_labelvalue", "7"), ("segment5_name", "lung")];
+        assert!(
+            segments(&twice).labels().unwrap_err().text.contains("value 7 to the segments `` and `lung`")
+        );
+        assert!(
+            segments(&twice).layered().unwrap_err().text.contains("value 7 to the segments `` and `lung`")
+        );
+        let again = segments(&twice).pair("segment5_labelvalue", "8").unwrap_err().text;
+        assert!(again.contains("states `segment5_labelvalue` twice"), "{again}");
         for (key, value) in
             [("segment1_labelvalue", "1,5"), ("segment1_color", "1 0"), ("segment1_layer", "first")]
         {
@@ -161,7 +225,7 @@ mod tests {
         }
         assert!(found.is_stated() && !segments(&[("segmentx_name", "no")]).is_stated());
         assert_eq!(
-            found.labels(),
+            found.labels().unwrap(),
             [label(3, "left kidney", "", None), label(7, "liver", "", Some([128, 0, 255]))]
         );
     }
@@ -185,10 +249,11 @@ mod tests {
             ("segment1_layer", "0"),
         ];
         let due = [label(1, "Right Kidney", "Mr Smith's kidney", None), label(2, "Liver", "", None)];
-        assert_eq!(segments(&pairs).labels(), due);
-        assert_eq!(segments(&pairs).layered(), (due.to_vec(), vec![(0, 2, 2), (1, 1, 1)]));
-        let shared = [&pairs[..], &[("segment1_labelvalue", "1")]].concat();
-        assert_eq!(segments(&shared).layered(), (due.to_vec(), vec![(0, 1, 2), (1, 1, 1)]));
+        assert_eq!(segments(&pairs).labels().unwrap(), due);
+        assert_eq!(segments(&pairs).layered().unwrap(), (due.to_vec(), vec![(0, 2, 2), (1, 1, 1)]));
+        let mut shared = pairs;
+        shared[4].1 = "1";
+        assert_eq!(segments(&shared).layered().unwrap(), (due.to_vec(), vec![(0, 1, 2), (1, 1, 1)]));
         for odd in ["", "TerminologyEntry:", "TerminologyEntry:a~b~c", "TerminologyEntry:a~b~c^d^ ~e^f^g"] {
             assert_eq!(meaning(odd), None, "{odd}");
         }

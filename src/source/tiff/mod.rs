@@ -14,7 +14,7 @@ mod notes;
 mod raster;
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::OpenOptions;
@@ -26,7 +26,7 @@ use super::payload::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target,
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::PositionalFile;
-use crate::text::Short;
+use crate::text::{Short, shown};
 use crate::volume::{
     Endian, InfoOverride, Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
@@ -39,6 +39,9 @@ const MAX_PAGES: usize = 2 * Dims::MAX_SIDE as usize;
 
 /// Longest part of a description that is read; spacing and counts are at its start.
 const MAX_DESCRIPTION: u64 = 64 << 10;
+
+/// Greatest difference of spacings that are the same, as a part of them.
+const SAME_SPACING: f64 = 1e-3;
 
 /// Greatest expansion by LZW: bytes made of one; deflate and PackBits make fewer.
 const MAX_EXPANSION: u64 = 4096;
@@ -84,11 +87,9 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
                 whole.push(own(pages.volumes(one, base_name(&path))));
             }
             (Ok(()), _) => {
-                let number = u32::try_from(files.len()).unwrap_or(u32::MAX);
-                pages.pages.iter_mut().for_each(|page| page.file = number);
                 files.push(index);
-                if let Err(fault) = stack.append(pages) {
-                    refused.get_or_insert(unusable(&path, fault));
+                if let Err(error) = stack.append(pages, files.len() - 1, &path) {
+                    refused.get_or_insert(error);
                 }
             }
             (Err(error), Some(true)) => whole.push(own(Err(error))),
@@ -114,17 +115,18 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     if files.is_empty() {
         return whole;
     }
-    let volumes = match refused {
-        Some(error) => Err(error),
-        None => {
-            let chosen = list.select(files.iter().copied());
-            let path = chosen.path(0);
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            let name = base_name(if chosen.len() == 1 { &path } else { folder });
-            let order = judge(&chosen, options.gaps).map_err(|fault| unusable(&path, fault));
-            order.and_then(|order| Ok(vec![order.apply(stack.volume(chosen, name)?)]))
-        }
-    };
+    let judged = judge(list.select(files.iter().copied()), options.gaps);
+    let volumes = judged.and_then(|(chosen, order)| {
+        let path = chosen.path(0);
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let name = base_name(if chosen.len() == 1 { &path } else { folder });
+        let stack = match refused {
+            _ if chosen.len() < files.len() => Stack::of(&chosen)?,
+            Some(error) => return Err(error),
+            None => stack,
+        };
+        Ok(vec![order.apply(stack.volume(chosen, name)?)])
+    });
     whole.insert(0, Slices { files, volumes });
     whole
 }
@@ -198,9 +200,24 @@ struct Stack {
     calibration: Option<[f64; 2]>,
     /// The pages of each volume, where one file holds several.
     several: Option<Vec<Vec<usize>>>,
+    /// Name of the first file that states the size of its voxels, and the number of files that do not.
+    placed_by: Option<PathBuf>,
+    unplaced: u32,
 }
 
 impl Stack {
+    /// The pages of files that have one each.
+    fn of(list: &FileList) -> Result<Self> {
+        let mut stack = Self::default();
+        for index in 0..list.len() {
+            let path = list.path(index);
+            let mut pages = Self::default();
+            pages.add(&path, 0)?;
+            stack.append(pages, index, &path)?;
+        }
+        Ok(stack)
+    }
+
     /// Adds the pages of a file.
     fn add(&mut self, path: &Path, file: u32) -> Result {
         super::payload::regular(path)?;
@@ -317,7 +334,29 @@ impl Stack {
     }
 
     /// Adds the slices of another file.
-    fn append(&mut self, other: Self) -> Result<(), Fault> {
+    fn append(&mut self, other: Self, number: usize, path: &Path) -> Result {
+        let number = u32::try_from(number).unwrap_or(u32::MAX);
+        self.check(&other).map_err(|fault| unusable(path, fault))?;
+        self.calibration = other.calibration;
+        self.pages.extend(other.pages.iter().map(|page| Page { file: number, ..*page }));
+        self.unplaced += u32::from(other.place().is_none());
+        if self.place().is_none() && other.place().is_some() {
+            self.placed_by = path.file_name().map(PathBuf::from);
+        }
+        if self.spacing_mm.is_none() || self.lacks_depth {
+            self.lacks_depth = other.lacks_depth;
+            self.spacing_mm = other.spacing_mm.or(self.spacing_mm);
+        }
+        self.memory_bytes = self.memory_bytes.max(other.memory_bytes);
+        self.file_bytes = self.file_bytes.saturating_add(other.file_bytes);
+        self.inverted |= other.inverted;
+        self.thumbnails += other.thumbnails;
+        self.unknown_unit = self.unknown_unit.take().or(other.unknown_unit);
+        Ok(())
+    }
+
+    /// Checks that the slices of another file belong to those before.
+    fn check(&mut self, other: &Self) -> Result<(), Fault> {
         if let Some(shape) = other.shape {
             self.same(shape)?;
         }
@@ -329,16 +368,29 @@ impl Stack {
                 "its values are calibrated otherwise than those before (c0, c1); save all of them alike"
             ));
         }
-        self.calibration = other.calibration;
-        self.pages.extend(other.pages);
-        self.spacing_mm = self.spacing_mm.or(other.spacing_mm);
-        self.memory_bytes = self.memory_bytes.max(other.memory_bytes);
-        self.file_bytes = self.file_bytes.saturating_add(other.file_bytes);
-        self.inverted |= other.inverted;
-        self.thumbnails += other.thumbnails;
-        self.lacks_depth |= other.lacks_depth;
-        self.unknown_unit = self.unknown_unit.take().or(other.unknown_unit);
-        Ok(())
+        let (Some(own), Some(theirs), Some(first)) = (self.place(), other.place(), &self.placed_by) else {
+            return Ok(());
+        };
+        let (a, b) = (self.spacing_mm.unwrap_or_default(), other.spacing_mm.unwrap_or_default());
+        let axes = if self.lacks_depth || other.lacks_depth { 2 } else { 3 };
+        let is_same = a.iter().zip(b).take(axes).all(|(a, b)| (a - b).abs() <= SAME_SPACING * a.abs());
+        if is_same && self.unknown_unit == other.unknown_unit {
+            return Ok(());
+        }
+        Err(bad!(
+            "states voxels of {theirs}, and {} states {own}; slices of a volume are alike in size, move the other away",
+            shown(first)
+        ))
+    }
+
+    /// The size of voxels or the unknown unit that the files state.
+    fn place(&self) -> Option<String> {
+        match (self.spacing_mm, &self.unknown_unit) {
+            (Some([x, y, _]), _) if self.lacks_depth => Some(format!("{}x{} mm", Short(x), Short(y))),
+            (Some([x, y, z]), _) => Some(format!("{}x{}x{} mm", Short(x), Short(y), Short(z))),
+            (None, Some(unit)) => Some(format!("the unit `{}`", unit.escape_debug())),
+            (None, None) => None,
+        }
     }
 
     /// The volumes of one file.
@@ -385,6 +437,14 @@ impl Stack {
             notes.push(Note::spacing(format!(
                 "the description states no distance of slices; {} mm are assumed",
                 Short(spacing_mm[2])
+            )));
+        }
+        if let Some(first) = self.placed_by.as_ref().filter(|_| self.unplaced > 0) {
+            notes.push(Note::new(format!(
+                "{} of {} files state no size of voxels; it is taken from {}",
+                self.unplaced,
+                list.len(),
+                shown(first)
             )));
         }
         notes.push(Note::no_directions("TIFF"));

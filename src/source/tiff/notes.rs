@@ -9,6 +9,10 @@ use crate::source::header::{number, unit_mm};
 const STRAIGHT_LINE: u8 = 0;
 const UNCALIBRATED: u8 = 20;
 
+/// Keys of ImageJ's lines that are read.
+const IMAGE_J_KEYS: [&str; 11] =
+    ["images", "channels", "frames", "slices", "unit", "yunit", "zunit", "spacing", "cf", "c0", "c1"];
+
 /// Most volumes of one file.
 const MAX_VOLUMES: usize = 2048;
 
@@ -76,6 +80,7 @@ impl Notes {
             lines.find(|(k, _)| *k == key).map(|(_, v)| v.trim())
         };
         let count = |key: &str| value(key).map_or(Ok(1), |v| number::<u64>(key, v));
+        stated_once(description)?;
         let images = count("images")?;
         let [channels, frames, slices] = [count("channels")?, count("frames")?, count("slices")?];
         let several = channels.saturating_mul(frames);
@@ -297,6 +302,23 @@ impl Notes {
     }
 }
 
+/// Refuses a line of ImageJ's that is there twice, with different values.
+fn stated_once(description: &str) -> Result<(), Fault> {
+    let lines = || description.lines().filter_map(|line| line.split_once('='));
+    for key in IMAGE_J_KEYS {
+        let mut own = lines().filter(|(name, _)| *name == key).map(|(_, value)| value.trim());
+        let Some(first) = own.next() else { continue };
+        if let Some(other) = own.find(|other| *other != first) {
+            return Err(bad!(
+                "its description states `{}` and `{}` for {key}; remove the wrong line",
+                first.escape_debug(),
+                other.escape_debug()
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// True for the letters of the three axes behind X and Y, each once.
 fn is_order(axes: &str) -> bool {
     axes.len() == 3 && ['Z', 'C', 'T'].iter().all(|axis| axes.contains(*axis))
@@ -360,6 +382,7 @@ mod tests {
             ("ImageJ=1\nunit=mm\nspacing=2,5\n", "`2,5` for spacing"),
             ("ImageJ=1\nimages=6\nunit=mm\nspacing=nan\n", "slices NaN apart"),
             ("ImageJ=1\nimages=6\nunit=mm\nspacing=0\n", "slices 0 apart"),
+            ("ImageJ=1\nunit=mm\nspacing=2\nspacing=3\n", "states `2` and `3` for spacing"),
             ("ImageJ=1\nimages=6\nunit=micron\nzunit=nm\n", "`nm` for another axis (zunit)"),
             ("ImageJ=1\nimages=6\nunit=micron\nyunit=pixel\n", "`pixel` for another axis (yunit)"),
             ("ImageJ=1\nimages=6\nchannels=two\n", "`two` for channels"),

@@ -102,6 +102,8 @@ fn arguments_that_a_module_does_not_take_are_refused() {
     }
     let told = refused("cube(centre = true);");
     assert!(told.contains("cube does not take centre; it takes size, center"), "{told}");
+    let told = refused("import(\"a.stl\", center = true);");
+    assert!(told.contains("import(center = true) is not read"), "{told}");
     // As OpenSCAD writes them.
     for text in [
         "sphere($fn = 0, $fa = 12, $fs = 2, r = 5);",

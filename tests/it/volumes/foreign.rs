@@ -322,6 +322,16 @@ fn what_headers_say_twice_or_of_axes_alone() {
     let whole = nrrd(&object, "raw", false, "");
     let twice = text(&whole, "kinds:", "sizes: 10 12 8\nkinds:");
     build("a.nrrd", &twice).refused(3, &["states `sizes` twice"]);
+    for (from, to, words) in [
+        ("kinds:", "centers: cell cell cell\ncenters: node node node\nkinds:", "states `centers` twice"),
+        ("kinds:", "data file: LIST x\na.raw\nkinds:", "`x` for data file"),
+        ("kinds:", "data file: a.raw\ndatafile: b.raw\nkinds:", "states `data file` twice"),
+        ("kinds:", "Segment0_Layer:=0\nSegment0_Layer:=1\nkinds:", "states `segment0_layer` twice"),
+    ] {
+        build("b.nrrd", &text(&whole, from, to)).refused(3, &[words]);
+    }
+    let listed = metaimage(&object, false, false, "LIST x");
+    build("d.mhd", &listed).refused(3, &["`x` for ElementDataFile"]);
     let plain = [metaimage(&object, false, false, "LOCAL"), object.bytes.clone()].concat();
     let twice = text(&plain, "DimSize", "DimSize = 10 12 8\nDimSize");
     build("a.mha", &twice).refused(3, &["states `dimsize` twice"]);

@@ -350,6 +350,28 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     same(std::slice::from_ref(&folder_of_two), &object, true, "two stacks in a folder");
     let warnings = sentences(&ready(&[folder_of_two], folder.path()).unwrap().info().notes).join(" ");
     assert!(warnings.contains("2 sets of images"), "{warnings}");
+    // Slices that state other voxels, or none.
+    let flat = Object::new([DIMS[0], DIMS[1], 1], ScalarType::U16, [0.5, 0.25, 2.0]);
+    for (second, words) in [
+        ("ImageJ=1.54f\nunit=mm\nspacing=2.0\n", ""),
+        (
+            "ImageJ=1.54f\nunit=micron\nspacing=2.0\n",
+            "s1.tif: states voxels of 0.0005x0.00025x0.002 mm, and s0.tif",
+        ),
+        ("ImageJ=1.54f\nunit=mm\nspacing=3.0\n", "0.5x0.25x3 mm, and s0.tif states 0.5x0.25x2 mm"),
+        ("ImageJ=1.54f\n", "1 of 2 files state no size of voxels; it is taken from s0.tif"),
+    ] {
+        let slices = folder.path().join("slices");
+        for (name, text) in [("s0.tif", "ImageJ=1.54f\nunit=mm\nspacing=2.0\n"), ("s1.tif", second)] {
+            let slice = Tiff { description: text.into(), contiguous: false, ..how.clone() };
+            file(&slices, name, &slice.write(&flat));
+        }
+        let told = match ready(&[slices], folder.path()) {
+            Ok(ready) => sentences(&ready.info().notes).join(" "),
+            Err(error) => error.to_string(),
+        };
+        assert!(told.contains(words) && words.is_empty() != told.contains("s0.tif"), "{told}");
+    }
     let more = Tiff { description: stacked.replace("images=11", "images=900"), ..how.clone() };
     let refused = ready(&[file(folder.path(), "more.tif", &more.write(&object))], folder.path());
     assert!(refused.err().unwrap().to_string().contains("promises 900 images"));

@@ -79,10 +79,29 @@ pub(super) struct Node {
     pub(super) extensions: NodeExtensions,
 }
 
+impl Node {
+    /// True if it is hidden, along with the nodes below.
+    pub(super) fn is_hidden(&self) -> bool {
+        self.extensions.visibility.as_ref().is_some_and(|stated| !stated.visible)
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct NodeExtensions {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub(super) instancing: Option<Instancing>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub(super) visibility: Option<Visibility>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Visibility {
+    #[serde(default = "visible")]
+    pub(super) visible: bool,
+}
+
+fn visible() -> bool {
+    true
 }
 
 #[derive(Debug, Deserialize)]

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::appearance::{Appearance, Material, NO_MATERIAL};
-use super::stop::{EachLook, Stop, finite};
+use super::stop::{EachLook, Stop, UNPLACED, finite};
 use super::stream::{Stream, mark};
 use super::text::Fan;
 use super::vertex_looks::single;
@@ -32,6 +32,7 @@ use crate::mesh::read::stop::{
     bad_transform, buffer_lies, gltf_version, recursion, too_many_triangles, unread_extension,
 };
 use crate::platform::PositionalFile;
+use crate::text::Count;
 use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 use posed::{BentMeshes, Copies, bent_meshes};
@@ -138,6 +139,7 @@ fn check_extensions(required: &[String]) -> Result<(), Stop> {
             "KHR_mesh_quantization"
             | "KHR_texture_transform"
             | "KHR_lights_punctual"
+            | "KHR_node_visibility"
             | "EXT_mesh_gpu_instancing" => continue,
             "KHR_draco_mesh_compression" => bad!("{DRACO}"),
             "EXT_meshopt_compression" | "KHR_meshopt_compression" => bad!("{MESHOPT}"),
@@ -173,16 +175,30 @@ pub(super) fn open(
     let mut open = Gltf { described, buffers, bent, with_looks: limits.looks, with_colors: limits.colors };
     let (parts, morphs) = open.check(all)?;
     open.bent = bent_meshes(&open, limits)?;
-    let lacks = if morphs {
-        vec![
+    let mut lacks = Vec::new();
+    if morphs {
+        lacks.push(
             "has morph targets with weights, which are not applied; the shape without them was built"
                 .to_owned(),
-        ]
-    } else {
-        Vec::new()
-    };
+        );
+    }
+    let hidden = open.described.root.nodes.iter().filter(|node| node.is_hidden()).count();
+    if hidden > 0 {
+        let count = Count(hidden, "hidden node");
+        lacks.push(format!("has {count} (KHR_node_visibility), left out with the nodes below"));
+    }
     let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
     let primitives = || open.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    for primitive in primitives() {
+        let textured = |m: u32| materials.get(m as usize).is_some_and(|m| m.texture.is_some());
+        if primitive.material.is_some_and(textured)
+            && open.prepared(primitive)?.is_some_and(|items| items.places.is_none())
+            && limits.looks
+        {
+            lacks.push(UNPLACED.to_owned());
+            break;
+        }
+    }
     let colored = primitives().any(|p| p.attributes.color.is_some());
     let smooth = primitives().any(|p| p.attributes.normal.is_some());
     // Materials are looked into only where colours are wanted.
@@ -192,6 +208,9 @@ pub(super) fn open(
     let files = resolver.files;
     Ok((open, Summary { materials, files, lacks, held_bytes, parts, looks }))
 }
+
+/// Takes a node, its number and affine, and true if it is hidden.
+type EachNode<'a> = dyn FnMut(&Node, usize, &Affine, bool) -> Result<(), Stop> + 'a;
 
 impl Gltf {
     /// Checks every mesh once, counts triangles, and returns the number of nodes with a mesh, and true if weights would
@@ -208,12 +227,12 @@ impl Gltf {
         }
         let mut seen = vec![false; self.described.root.nodes.len()];
         let (mut all, mut parts, mut morphs) = (0_u64, 0, false);
-        self.walk(&mut |node, at, _| {
+        self.walk_all(&mut |node, at, _, is_hidden| {
             // A node has one parent at most, so that nodes form no circle.
             if std::mem::replace(&mut seen[at], true) {
                 return Err(recursion().into());
             }
-            if let Some(mesh) = node.mesh {
+            if let Some(mesh) = node.mesh.filter(|_| !is_hidden) {
                 let (triangles, copies) = (*item(&counts, mesh, "a mesh")?, Copies::of(self, node)?.count);
                 // A copy of nothing costs time, too.
                 all = all.saturating_add(if copies == 1 {
@@ -235,8 +254,15 @@ impl Gltf {
         Ok((parts, morphs))
     }
 
-    /// Calls `each` with every node of the scene and its affine.
+    /// Calls `each` with every node of the scene that is not hidden, and its affine.
     fn walk(&self, each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
+        self.walk_all(&mut |node, at, placed, is_hidden| {
+            if is_hidden { Ok(()) } else { each(node, at, placed) }
+        })
+    }
+
+    /// Calls `each` with every node of the scene, its affine, and true if it or one above is hidden.
+    fn walk_all(&self, each: &mut EachNode<'_>) -> Result<(), Stop> {
         let root = &self.described.root;
         let roots: Vec<u32> = match (root.scene, root.scenes.first()) {
             (Some(at), _) => item(&root.scenes, at, "a scene")?.nodes.clone(),
@@ -250,15 +276,16 @@ impl Gltf {
                     .collect()
             }
         };
-        let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, UPRIGHT)).collect();
-        while let Some((at, parent)) = stack.pop() {
+        let mut stack: Vec<_> = roots.into_iter().rev().map(|at| (at, UPRIGHT, false)).collect();
+        while let Some((at, parent, hidden)) = stack.pop() {
             let node = item(&root.nodes, at, "a node")?;
             let own = parent.after(&own_place(node)?);
             if !own.rows.iter().flatten().all(|v| v.is_finite()) {
                 return Err(bad_transform().into());
             }
-            each(node, at as usize, &own)?;
-            stack.extend(node.children.iter().rev().map(|child| (*child, own)));
+            let hidden = hidden || node.is_hidden();
+            each(node, at as usize, &own, hidden)?;
+            stack.extend(node.children.iter().rev().map(|child| (*child, own, hidden)));
         }
         Ok(())
     }

@@ -95,7 +95,7 @@ pub(super) fn bent_meshes(gltf: &Gltf, limits: &Limits<'_>) -> Result<BentMeshes
     })?;
     let mut places = BTreeMap::new();
     if !skinned.is_empty() {
-        gltf.walk(&mut |_, at, placed| {
+        gltf.walk_all(&mut |_, at, placed, _| {
             if let Some(at) = u32::try_from(at).ok().filter(|at| wanted.contains(at)) {
                 places.insert(at, *placed);
             }

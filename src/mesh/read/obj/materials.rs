@@ -140,12 +140,20 @@ impl<'a> Materials<'a> {
             return names.try_for_each(|name| self.read(name));
         }
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
-        self.materials(&file).map_err(|stop| stop.in_file(name))
+        let defined = self.materials(&file).map_err(|stop| stop.in_file(name))?;
+        match defined {
+            0 => self.lack(format!(
+                "takes colours from {}, which defines no material (newmtl); the model lacks them: write it again",
+                shown(name)
+            )),
+            _ => Ok(()),
+        }
     }
 
-    fn materials(&mut self, file: &PositionalFile) -> Result<(), Stop> {
+    /// Reads a library; returns the number of materials that it defines.
+    fn materials(&mut self, file: &PositionalFile) -> Result<u64, Stop> {
         let mut words = Words::begin(file)?;
-        let mut at = None;
+        let (mut at, mut defined) = (None, 0);
         loop {
             match words.next()? {
                 Token::End => break,
@@ -154,6 +162,7 @@ impl<'a> Materials<'a> {
             }
             match words.word() {
                 b"newmtl" => {
+                    defined += 1;
                     let name = words.rest_of_line(1024)?;
                     let used = self.numbers.get(&name).copied().filter(|used| self.undefined.remove(used));
                     let number = used.map_or_else(|| self.add(name), Ok)?;
@@ -184,7 +193,7 @@ impl<'a> Materials<'a> {
                 material.color = [1.0; 3];
             }
         }
-        Ok(())
+        Ok(defined)
     }
 
     /// A texture as its line states it: options, then the name of the image.

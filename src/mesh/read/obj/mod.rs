@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::appearance::{Appearance, NO_MATERIAL};
 use super::parts::Parts;
-use super::stop::{Each, EachLook, Stop};
+use super::stop::{Each, EachLook, Stop, UNPLACED};
 use super::stream::{Stream, Token, Words, numbers};
 use super::text::{Faces, Fan, Polygons, index};
 use super::vertex_looks::{VertexLooks, light, single};
@@ -48,6 +48,8 @@ struct Spools {
     normals: Spool,
     colors: Spool,
     colored: bool,
+    /// Materials of faces without places in a texture.
+    unplaced: BTreeSet<u32>,
 }
 
 impl Spools {
@@ -58,6 +60,7 @@ impl Spools {
             normals: Spool::new(scratch),
             colors: Spool::new(scratch),
             colored: false,
+            unplaced: BTreeSet::new(),
         }
     }
 
@@ -144,12 +147,20 @@ pub(super) fn open(file: &PositionalFile, path: &Path, limits: &Limits<'_>) -> R
         return Err(only_points().into());
     }
     let no_normals = spools.as_ref().is_some_and(|spools| spools.normals.count == 0);
-    let missing = [named[0] && places == 0, named[1] && no_normals];
     let (mut summary, undefined) = materials.summary()?;
+    let textured = |at: &u32| {
+        let material = summary.materials.get(*at as usize);
+        material.is_some_and(|material| material.texture.is_some())
+    };
+    let lost = named[0] && places == 0;
+    let unplaced = !lost && spools.as_ref().is_some_and(|spools| spools.unplaced.iter().any(textured));
+    let missing = [lost, named[1] && no_normals, unplaced, limits.colors && words.painted];
     let carried = spools.map(|spools| spools.finish(undefined)).transpose()?;
     let lacks = [
         "names places in a texture (vt) that it does not hold; the model lacks the texture".to_owned(),
         "names normals (vn) that it does not hold; those of its triangles are used".to_owned(),
+        UNPLACED.to_owned(),
+        "has colours of vertices in comments (#MRGB), which are not read; the model lacks them: write them behind the vertices, as x y z r g b".to_owned(),
     ]
     .into_iter()
     .zip(missing);
@@ -268,6 +279,9 @@ fn face(
                 let places = of_places.next(other(spools.places.count, places_named)?);
                 let normals = of_normals.next(other(spools.normals.count, normals_named)?);
                 if let (Some(p), Some(n), Some(t)) = (places, normals, triangle) {
+                    if p.contains(&NONE) && material != NO_MATERIAL {
+                        spools.unplaced.insert(material);
+                    }
                     let record = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], material];
                     spools.triangles.numbers(record)?;
                 }

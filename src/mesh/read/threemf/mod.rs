@@ -97,7 +97,7 @@ impl ThreeMf {
         let most = MAX_TRIANGLES + inflated.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let (mut all, mut parts) = (0_u64, 0);
         self.walk(&mut |[.., triangles], _| {
-            parts += 1;
+            parts += u64::from(triangles > 0);
             // An empty object costs time, too.
             all = all.saturating_add(triangles.max(1));
             if all > most { Err(too_many_triangles(most).into()) } else { Ok(()) }
@@ -150,7 +150,7 @@ impl ThreeMf {
         let record = if self.looks { LOOKED } else { RECORD } as u64;
         self.walk(&mut |[first, count, from, triangle_count], placed| {
             let part = next_part;
-            next_part = next_part.saturating_add(1);
+            next_part = next_part.saturating_add(u32::from(triangle_count > 0));
             let mut stream = Stream::new(triangles, from * record);
             let mirrored = placed.determinant() < 0.0;
             for _ in 0..triangle_count {

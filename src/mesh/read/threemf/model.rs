@@ -33,7 +33,7 @@ const OBJECT_BYTES: u64 = 160;
 const PLACED_BYTES: u64 = 128;
 
 /// Types of objects that are built.
-const OBJECT_TYPES: [&[u8]; 3] = [b"model", b"surface", b"other"];
+const OBJECT_TYPES: [&[u8]; 2] = [b"model", b"surface"];
 
 /// Marks of Cura for objects that are not printed as such.
 const CURA_MARKS: [&[u8]; 4] =
@@ -201,7 +201,7 @@ impl<'a> Reader<'a> {
                     }
                     object = Some((id, own));
                     let kind = xml.raw(b"type").map(<[u8]>::trim_ascii);
-                    support = matches!(kind, Some(b"support" | b"solidsupport"));
+                    support = matches!(kind, Some(b"support" | b"solidsupport" | b"other"));
                     if let Some(other) = kind.filter(|kind| !support && !OBJECT_TYPES.contains(kind)) {
                         let other: String = String::from_utf8_lossy(other).chars().take(40).collect();
                         self.lack(format!(
@@ -380,7 +380,7 @@ impl<'a> Reader<'a> {
             return Err(bad!("marks all that it builds as not to be printed (printable=\"0\"); mark what is to be built as printable").into());
         }
         let left_out = [
-            (self.left_out, "supports, blockers, modifiers or cut volumes"),
+            (self.left_out, "supports, blockers, modifiers, cut volumes or objects of the type other"),
             (self.unprinted, "items that are marked as not to be printed"),
         ];
         for (count, what) in left_out.into_iter().filter(|(count, _)| *count > 0) {
