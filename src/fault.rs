@@ -56,6 +56,8 @@ pub(crate) enum FaultKind {
     Gaps,
     /// A grid is chosen for a tree of solids that has a volume's grid.
     OwnGrid,
+    /// The grid of a mesh or a tree of solids would be too large.
+    LongGrid,
 }
 
 /// A fault that no code distinguishes from others of its kind.

@@ -7,7 +7,7 @@
 //! Voxel i spans `[4096 i, 4096 (i + 1))` along each axis; its centre is at `4096 i + 2048`. After the one rounding
 //! all decisions are made in integers, so that they do not depend on order, memory or threads.
 
-use crate::fault::{Fault, bad};
+use crate::fault::{Fault, FaultKind, bad};
 use crate::geom::{Affine, Dims};
 use crate::text::Short;
 use crate::text::names::{GRID, VOXEL};
@@ -100,6 +100,14 @@ pub struct Grid {
 /// Longest side of a grid.
 const MAX_SIDE: f64 = 16384.0;
 
+/// The fault of a grid of a side of so many voxels.
+fn too_long(voxels: f64) -> Fault {
+    Fault::new(
+        FaultKind::LongGrid,
+        format!("its grid would be {voxels} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}"),
+    )
+}
+
 impl Grid {
     /// The grid of a choice around a mesh of these bounds, in units of `unit_mm` mm.
     ///
@@ -134,9 +142,7 @@ impl Grid {
             // A side that divides evenly but for rounding does not get a voxel more.
             let voxels = (length / edge_mm - 1e-9).ceil().max(1.0) + 2.0 * f64::from(margin);
             if voxels > MAX_SIDE || voxels.is_nan() {
-                return Err(bad!(
-                    "its grid would be {voxels} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}"
-                ));
+                return Err(too_long(voxels));
             }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
             let side = voxels as u32;
@@ -144,9 +150,7 @@ impl Grid {
             let middle = (bounds.high[axis] / 2.0 + bounds.low[axis] / 2.0) * unit_mm;
             origin_mm[axis] = middle - voxels / 2.0 * edge_mm;
         }
-        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or_else(|| {
-            bad!("its grid would be {MAX_SIDE} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}")
-        })?;
+        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or_else(|| too_long(MAX_SIDE))?;
         Self::checked(dims, edge_mm, origin_mm, unit_mm)
     }
 
@@ -156,9 +160,7 @@ impl Grid {
         let shift = origin_mm.map(|o| o / voxel_mm * f64::from(STEPS));
         let sound = scale.is_finite() && scale > 0.0 && shift.iter().all(|s| s.is_finite());
         if side > MAX_SIDE || !sound {
-            return Err(bad!(
-                "its grid would be {side} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}"
-            ));
+            return Err(too_long(side));
         }
         if Affine::from_spacing([voxel_mm; 3]).inverse().is_none() {
             return Err(bad!(

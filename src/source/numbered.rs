@@ -26,7 +26,8 @@ const FIELDS: usize = 16;
 const MAX_DIGITS: usize = 15;
 
 /// Most digits of a fraction, and of the number before it.
-const MAX_DECIMALS: usize = 6;
+const MAX_DECIMALS: u32 = 6;
+const MAX_WHOLE: usize = 6;
 
 /// Most slices made for each existing one: more would be a picture of the interpolation.
 const MAX_MADE: u64 = 10;
@@ -155,11 +156,11 @@ fn values(number: Number<'_>, at: u32, meaning: Meaning) -> ([Option<Digits<'_>>
     };
     let fraction = number.fraction.unwrap_or_default();
     if meaning.is_decimal(at) {
-        let missing = MAX_DECIMALS.checked_sub(fraction.len());
+        let missing = u32::try_from(fraction.len()).ok().and_then(|own| MAX_DECIMALS.checked_sub(own));
         let scaled = missing.and_then(|missing| {
-            let below = if fraction.is_empty() { 0 } else { value(fraction, MAX_DECIMALS)? };
-            let below = below * 10_i64.pow(u32::try_from(missing).ok()?);
-            Some(value(number.whole, MAX_DECIMALS)? * 10_i64.pow(MAX_DECIMALS as u32) + below)
+            let below = if fraction.is_empty() { 0 } else { value(fraction, MAX_DIGITS)? };
+            let above = value(number.whole, MAX_WHOLE)? * 10_i64.pow(MAX_DECIMALS);
+            Some(above + below * 10_i64.pow(missing))
         });
         return ([Some((number.whole, scaled.map(|scaled| own_sign * scaled))), None], text);
     }

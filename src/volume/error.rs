@@ -119,7 +119,12 @@ impl SourceError {
 
     /// True if missing or uneven slices are the only fault, so that the caller may choose their treatment.
     pub(crate) fn has_gaps(&self) -> bool {
-        matches!(self.fault(), SourceFault::Said(Fault { kind: FaultKind::Gaps, .. }))
+        self.has_kind(FaultKind::Gaps)
+    }
+
+    /// True for a fault of this kind.
+    pub(crate) fn has_kind(&self, kind: FaultKind) -> bool {
+        matches!(self.fault(), SourceFault::Said(fault) if fault.kind == kind)
     }
 
     /// True if the input is broken; false if it is only of an unsupported kind.

@@ -55,7 +55,7 @@ use crate::scene::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};
 use crate::text::{Count, data};
-use crate::volume::{Note, Overlap, SourceError, SourceFault, sentences};
+use crate::volume::{Note, Overlap, SourceError, sentences};
 pub(super) use claims::{Claim, Claims};
 use key::{Key, options_fingerprint};
 use lock::FolderLock;
@@ -725,7 +725,7 @@ pub(super) fn numbered(n: u32) -> String {
 /// True if a tree is refused only because a grid is chosen and the tree has the grid of a volume.
 fn has_own_grid(error: &BuildError) -> bool {
     let BuildFault::Source(error) = error.fault() else { return false };
-    matches!(error.fault(), SourceFault::Said(fault) if fault.kind == FaultKind::OwnGrid)
+    error.has_kind(FaultKind::OwnGrid)
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

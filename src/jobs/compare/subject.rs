@@ -8,13 +8,15 @@ use super::super::open_model::open_model;
 use super::super::verify::verify_unless_packed;
 use super::*;
 use crate::budget::Budget;
+use crate::builder::BuildFault;
 use crate::clean::CleanOptions;
 use crate::csg::unmoved_volumes;
-use crate::fault::bad;
+use crate::fault::{FaultKind, bad};
 use crate::format::MAGIC;
 use crate::measure::nearest::Space;
 use crate::mesh::GridChoice;
 use crate::source::{OpenOptions, Subject, SubjectKind};
+use crate::volume::SourceError;
 
 /// Voxels left free around a mesh, so that its surface keeps off the border.
 const MARGIN: u32 = 2;
@@ -92,17 +94,18 @@ impl Input {
             output: &built,
             progress,
         };
-        let summary =
-            convert(kind, &inputs, &OpenOptions::default(), &job).map_err(|error| match edge_mm {
+        let summary = convert(kind, &inputs, &OpenOptions::default(), &job).map_err(|error| {
+            match edge_mm {
                 // The grid is ACTUAL's, not one of the caller's choice.
-                Some(edge) if error.to_string().contains(&GRID.to_string()) => bad!(
+                Some(edge) if is_too_long(&error) => SourceError::from(bad!(
                     "needs too large a grid on voxels of {} mm, half as long as those of ACTUAL; scale one of them to the other's unit, or make a model of it with `oct build`, and compare that",
                     crate::text::Short(edge)
                 )
-                .at(path)
+                .at(path))
                 .into(),
                 _ => error,
-            })?;
+            }
+        })?;
         let model = Model::map(&built)?;
         let edge = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let mut warnings = summary.warnings;
@@ -114,6 +117,17 @@ impl Input {
             ));
         }
         Ok(Self { path: path.to_path_buf(), grid_mm: Some(edge), model, warnings, _folder: Some(folder) })
+    }
+}
+
+/// True if the grid of a mesh or a tree would be too large.
+fn is_too_long(error: &Error) -> bool {
+    match error {
+        Error::Source(error) => error.has_kind(FaultKind::LongGrid),
+        Error::Build(error) => {
+            matches!(error.fault(), BuildFault::Source(error) if error.has_kind(FaultKind::LongGrid))
+        }
+        _ => false,
     }
 }
 
