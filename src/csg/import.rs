@@ -27,7 +27,7 @@ use crate::mesh::{
 };
 use crate::platform::give_back;
 use crate::source::base_name;
-use crate::text::names::{DIMS, GRID, ORIGIN, VOLUME, VOXEL};
+use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
 use crate::text::shown;
 use crate::volume::{SourceError, VolumeSource, sentences};
 
@@ -195,9 +195,7 @@ impl<'a, 't> Importer<'a, 't> {
         let of = |(path, source): &(PathBuf, &'a dyn VolumeSource)| {
             let name = base_name(path);
             let sentences = sentences(&source.info().notes).into_iter();
-            // A tree has no choice of volumes.
-            let told = |note: String| note.replace(&format!(" ({VOLUME} chooses)"), "");
-            sentences.map(|note| format!("{}: {}", shown(&name), told(note))).collect::<Vec<_>>()
+            sentences.map(|note| format!("{}: {note}", shown(&name))).collect::<Vec<_>>()
         };
         self.volumes.iter().flat_map(of).collect()
     }
