@@ -115,7 +115,7 @@ pub(super) const MAX_LABELS: usize = 1024;
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
 /// Least flat share of maps of small islands in 0, and greatest share of their differences between other values; and
-/// the greatest ratio of these to jumps where the latter are few, as those of a core within a thin shell.
+/// the greatest ratio of these to jumps where jumps are few, as at a core within a thin shell.
 const ISLAND_FLAT: f64 = 0.25;
 const TOUCHING: f64 = 0.05;
 const APART_TOUCHING: f64 = 0.1;

@@ -146,7 +146,7 @@ pub(super) enum Bins {
 }
 
 impl Bins {
-    /// The bins for samples of a volume; those of wide types need their extremes.
+    /// The bins for samples of a volume; wide types need their extremes.
     pub(super) fn new(info: &VolumeInfo, extremes: &Extremes) -> Self {
         let exact = |low: f64| Self::From { low, width: 1.0, core: None };
         match (info.scalar, extremes.whole()) {
